@@ -1,1 +1,1 @@
-"""How formulas become machine code: the recorder, elementary functions, intrinsics, memory, assembly."""
+"""How formulas become machine code: tracing, elementary functions, intrinsics, memory, the compiler, its cache."""

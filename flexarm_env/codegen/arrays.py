@@ -1,9 +1,6 @@
 """The arrays that drivers work on, as types.
 
-In plain Python the arrays of `LANED` have a row of lanes at the end: an arena's shape is (rows, lanes). Compiled
-kernels have these two axes as one, ``arena[row, i]`` at ``arena[i + row * lanes]``: constant row distance and indices
-that cannot be negative let the compiler work on several lanes at once. The assembler (`lowering`) rewrites what is
-annotated with these names; a row alone, ``arena[row]``, is a slice there.
+Rows of lanes are arrays of shape (rows, lanes) in plain Python, and have a type of their own in kernels (`rows`).
 """
 
 from __future__ import annotations
@@ -13,13 +10,9 @@ from numpy.typing import NDArray
 
 Arena = NDArray[np.float64]  # all that is known of a block's environments (`layout.Row`). Shape (rows, lanes)
 LaneRows = NDArray[np.float64]  # some rows of lanes. Shape (n, lanes)
-History = NDArray[
-    np.float64
-]  # readings at past steps, a ring of slots (`delay_line`). Shape (slots * slot_rows, lanes)
-Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows, lanes)
-LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n, lanes)
-# Their axes before the last two.
-LANED = {"Arena": 0, "LaneRows": 0, "History": 0, "Arenas": 1, "LaneRecords": 2}
+History = NDArray[np.float64]  # readings at past steps (`delay_line`). Shape (slots * slot_rows, lanes)
+Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows * lanes)
+LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n * lanes)
 
 LaneRow = NDArray[np.float64]  # one number of each lane. Shape (lanes,)
 Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow`). Shape (5, lanes)

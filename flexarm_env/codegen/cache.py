@@ -1,27 +1,24 @@
 """Keeps compiled kernels on disk: one process compiles them, once, and every later one loads them.
 
-A module's text is executed from memory (`load_module`), or its functions are marked in a file (`kept_on_disk`). On disk
-lies only what numba compiled, one file for each function and types of its arguments. The file's name carries a hash of
-the module's text, so that an edited formula can never meet stale code (numba does not see edits in other files: numba
-issue 1833), and the file begins with a hash of its content, so that damage is found and compiled anew. Without a folder
-(`cache_folder`), or room in it, kernels are compiled in memory, and a line says so; without a lock, several processes
-compile the same.
+One file holds what numba compiled of a function for one list of argument types. The file's name carries a hash of all
+that the function is made from (`compiler`, `kept_on_disk`), so that an edited formula can never meet stale code (numba
+does not see edits in other files: numba issue 1833), and the file begins with a hash of its content, so that damage is
+found and compiled anew. Without a folder (`cache_folder`), or room in it, kernels are compiled in memory, and a line
+says so; without a lock, several processes compile the same.
 """
 
 from __future__ import annotations
 
 import gc
 import hashlib
-import linecache
 import os
 import pickle
-import re
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Any, TypeVar, cast
 
 import filelock
@@ -44,7 +41,6 @@ from flexarm_env.codegen.cache_folder import (
 from flexarm_env.lazy import cached_property
 
 LONGEST_WAIT = 600.0  # for another process that compiles the same kernels [s]; after that this one compiles too
-_KEPT_FUNCTIONS = re.compile(r"^@njit\(cache=True, .*\)\ndef (\w+)\(", re.MULTILINE)
 F = TypeVar("F", bound=Callable[..., Any])
 _DIGEST = hashlib.sha256().digest_size
 
@@ -67,33 +63,6 @@ def check_compiler() -> None:
         raise ValueError("NUMBA_DISABLE_JIT = 1: must be 0, or not set; the kernels of FlexArm run compiled only")
 
 
-# --- modules and their functions ---------------------------------------------------------------------------------
-
-
-def load_module(name: str, text: str, words: str) -> ModuleType:
-    """Execute a module's text from memory; numba compiles a function when it is first called.
-
-    Args:
-        name: holds a hash of the text.
-        text: functions decorated with `@njit(cache=True, ...)` are kept on disk.
-        words: description of the module for the user who waits.
-    """
-    check_compiler()
-    with _COMPILING:  # another thread may load it as well
-        if name in sys.modules:
-            return sys.modules[name]
-        module = ModuleType(name)
-        filename = f"<{name}>"
-        linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)  # for tracebacks
-        kept = _Folder(name, words)
-        plain = text.replace("@njit(cache=True, ", "@njit(")
-        exec(compile(plain, filename, "exec", dont_inherit=True), module.__dict__)
-        for function in _KEPT_FUNCTIONS.findall(text):
-            _keep(getattr(module, function), kept)
-        sys.modules[name] = module
-        return module
-
-
 def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
     """Return a decorator that compiles functions of a file when they are first called, and keeps them.
 
@@ -105,18 +74,19 @@ def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
     """
     check_compiler()
     path = Path(file)
-    folder = _Folder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
+    folder = KernelFolder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
 
-    def keep(function: F) -> F:
+    def compiled(function: F) -> F:
         """Compile a function when it is first called."""
         kernel: Any = numba.njit(function)
-        _keep(kernel, folder)
+        keep(kernel, folder)
         return cast(F, kernel)
 
-    return keep
+    return compiled
 
 
-def _keep(kernel: Any, folder: _Folder) -> None:
+def keep(kernel: Any, folder: KernelFolder) -> None:
+    """Keep what numba compiles of a function."""
     kernel._cache = _KernelCache(folder, kernel.py_func.__name__, kernel.targetctx)  # as numba does for files
 
 
@@ -145,29 +115,38 @@ def is_kept(kernel: Any) -> bool:
     return all(kernel._cache.is_kept(signature) for signature in kernel.overloads)
 
 
-class _Folder:
-    """Where a module's compiled functions are kept.
+class KernelFolder:
+    """Where the compiled functions of a variant or a file are kept.
 
     Attributes:
-        module: its name.
-        words: what it is.
-        announced: whether the user has read that it is compiled.
+        name: of their files; it holds a hash of all that they are made from.
+        words: description for the user who waits.
     """
 
-    def __init__(self, module: str, words: str) -> None:
-        self.module, self.words = module, words
-        self.announced = False
+    def __init__(self, name: str, words: str) -> None:
+        """Find the folder when it is first needed."""
+        self.name, self.words = name, words
+        self._begun: list[float] = []  # when the compilations at hand began: of a function, and of those that it calls
 
     @cached_property
     def path(self) -> Path | None:
         """The folder; None if nothing can be kept."""
         return find_folder()
 
-    def announce(self) -> None:
-        """Say what the user waits for, once for each module."""
-        if not self.announced:
-            logger.warning("compiling kernels%s: %s", ", once" if self.path else "", self.words)
-            self.announced = True
+    def begin(self) -> None:
+        """Note that a compilation begins."""
+        self._begun.append(time.perf_counter())
+
+    def forget(self) -> None:
+        """Forget compilations that failed."""
+        self._begun.clear()
+
+    def end(self) -> None:
+        """Say what the user has waited for; functions that another one calls are compiled with it."""
+        took = time.perf_counter() - self._begun.pop()
+        if not self._begun:
+            kept = f", kept in {self.path}" if self.path else ""
+            logger.warning("compiled in %.1f s%s: %s", took, kept, self.words)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -179,7 +158,7 @@ class _Folder:
         if self.path is None:
             yield
             return
-        lock = filelock.FileLock(self.path / f"{self.module}.lock", mode=0o644)
+        lock = filelock.FileLock(self.path / f"{self.name}.lock", mode=0o644)
         with suppress(OSError, NotImplementedError):
             try:
                 lock.acquire(blocking=False)
@@ -200,20 +179,21 @@ class _KernelCache(NullCache):
     its files hold.
     """
 
-    def __init__(self, folder: _Folder, function: str, target_context: Any) -> None:
+    def __init__(self, folder: KernelFolder, function: str, target_context: Any) -> None:
         self._folder, self._function, self._target_context = folder, function, target_context
         self._loaded: dict[Any, Any] = {}  # by `prepared`, for the `load_overload` that follows
 
     @contextmanager
     def prepared(self, signature: Any) -> Iterator[None]:
-        """Load the function, or hold the lock and tell the user while the caller compiles it."""
+        """Load the function, or hold the lock while the caller compiles it."""
         if self._load(signature):
             yield
             return
         with self._folder.locked():
-            if not self._load(signature):
-                self._folder.announce()
-            yield
+            try:
+                yield
+            finally:
+                self._folder.forget()
 
     def is_kept(self, signature: Any) -> bool:
         """Say whether there is a file for arguments of these types that may be loaded."""
@@ -230,15 +210,16 @@ class _KernelCache(NullCache):
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Load what was compiled for arguments of these types; None if there is nothing."""
         if not self._load(signature):
-            self._folder.announce()
+            self._folder.begin()
         return self._loaded.pop(signature, None)
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep what was compiled, if the folder takes it."""
+        self._folder.end()
         path = self._path(signature)
         if path is None:
             return
-        content = dumps(compiled._reduce())  # type: ignore[no-untyped-call]
+        content = dumps(compiled._reduce())
         try:
             write_aside(path, hashlib.sha256(content).digest() + content)
         except OSError as error:
@@ -265,7 +246,7 @@ class _KernelCache(NullCache):
             # What machine code links to. To refresh the whole context, as for a compilation, would take longer.
             rtsys.initialize(self._target_context)
             parts = pickle.loads(data[_DIGEST:])
-            compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
+            compiled = CompileResult._rebuild(self._target_context, *parts)
         except Exception:  # another build of the same versions wrote it; compiling anew replaces it
             return None
         note_use(path)
@@ -278,7 +259,7 @@ class _KernelCache(NullCache):
         versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
         key = repr((signature, self._target_context.codegen().magic_tuple(), versions))
         digest = hashlib.sha256(key.encode()).hexdigest()[:16]
-        return self._folder.path / f"{self._folder.module}.{self._function}.{digest}.nbc"
+        return self._folder.path / f"{self._folder.name}.{self._function}.{digest}.nbc"
 
 
 @contextmanager

@@ -1,39 +1,63 @@
-"""What drivers declare for the assembler (`assembly`): places in tables, recorded kernels, intrinsics, programs.
+"""What drivers declare for the compiler (`compiler`): places in tables, recorded kernels, intrinsics, programs.
 
 A driver is a plain function of numpy arrays. Where its numbers lie, and what its recorded kernels compute, depends on
-the variant of the kernels. The assembler writes it into the text that it compiles. In plain Python it comes from the
-present variant, which `plain_python` sets.
+the present variant of the kernels, which `plain_python` sets; in compiled kernels these are constants.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache, update_wrapper
-from math import sqrt
 from typing import Any, ClassVar, Generic, ParamSpec, Protocol, Self, TypeVar, overload
 
-import numpy as np
+from flexarm_env.codegen.plain import python_kernel
+from flexarm_env.codegen.tracing import Recording
 
 Function = Callable[..., Any]
 F = TypeVar("F", bound=Callable[..., Any])
 P = ParamSpec("P")
 R = TypeVar("R", covariant=True)
 
-_PRESENT: ContextVar[Any] = ContextVar("variant")
+
+@dataclass
+class _Present:
+    """The variant that drivers run for.
+
+    Attributes:
+        variant: the variant.
+        places: first places of parts of its tables: drivers read thousands in a period.
+    """
+
+    variant: Any
+    places: dict[tuple[type, str], int]
+
+
+_PRESENT: ContextVar[_Present] = ContextVar("variant")
 
 
 @contextmanager
 def plain_python(variant: Any) -> Iterator[None]:
-    """Have drivers run in plain Python for a variant, on arrays as their annotations say (`arrays`)."""
-    token = _PRESENT.set(variant)
+    """Let drivers run in plain Python for a variant, on arrays as their annotations say (`arrays`)."""
+    token = _PRESENT.set(_present(variant))
     try:
         yield
     finally:
         _PRESENT.reset(token)
+
+
+@cache
+def _present(variant: Any) -> _Present:
+    return _Present(variant, {})
+
+
+def _of_context() -> _Present:
+    try:
+        return _PRESENT.get()
+    except LookupError:
+        raise RuntimeError("no variant is set: drivers run within `with plain_python(variant):`") from None
 
 
 def present_variant() -> Any:
@@ -42,14 +66,11 @@ def present_variant() -> Any:
     Raises:
         RuntimeError: outside `plain_python`.
     """
-    try:
-        return _PRESENT.get()
-    except LookupError:
-        raise RuntimeError("no variant is set: drivers run within `with plain_python(variant):`") from None
+    return _of_context().variant
 
 
 class PresentVariant:
-    """The variant that drivers run for, as a name that they import; the assembler replaces its attributes."""
+    """The variant that drivers run for, as a name that they import; compiled, its attributes are constants."""
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the present variant."""
@@ -125,11 +146,15 @@ class Names:
         Raises:
             LookupError: where the table does not have the part.
         """
-        shape = self.shape()
-        layout = self.layout(shape)
-        if name not in layout:
-            raise LookupError(f"{type(self).__name__}.{name}: programs of kind {shape.program.name!r} do not have it")
-        return layout[name][0]
+        places, key = _of_context().places, (type(self), name)
+        if key not in places:
+            shape = self.shape()
+            layout = self.layout(shape)
+            if name not in layout:
+                kind = shape.program.name
+                raise LookupError(f"{type(self).__name__}.{name}: programs of kind {kind!r} do not have it")
+            places[key] = layout[name][0]
+        return places[key]
 
 
 @cache
@@ -152,6 +177,10 @@ class FixedNames(Names):
     def shape(self) -> None:
         """Return None: the layout depends on nothing."""
         return None
+
+    def first(self, name: str) -> int:
+        """Return the first place of a part."""
+        return self.layout(None)[name][0]
 
 
 # --- functions --------------------------------------------------------------------------------------------------------
@@ -178,69 +207,28 @@ def intrinsic(code: Function) -> Callable[[Callable[P, R]], Intrinsic[P, R]]:
 
 
 class Recorded(Generic[P, R]):
-    """A function whose text is recorded for each variant.
+    """A kernel whose formula is recorded for each variant.
 
     Attributes:
-        formula: the text of its definition for a variant.
-        calls: what such texts may call; of an intrinsic's code, classes too.
-        code: the text of an intrinsic's code, which is compiled instead; None: the definition is.
+        recording: its recording for a variant.
     """
 
     __name__: str
 
-    def __init__(
-        self, name: str, formula: Callable[[Any], str], calls: Iterable[Any], code: Callable[[Any], str] | None = None
-    ) -> None:
-        """Declare a function of any numbers; see `recorded`."""
-        self.__name__ = name
-        self.formula, self.calls, self.code = formula, {called.__name__: called for called in calls}, code
-
-    @property
-    def compiled_text(self) -> Callable[[Any], str]:
-        """The text that is compiled for a variant."""
-        return self.code or self.formula
+    def __init__(self, signature: Callable[P, R], recording: Callable[[Any], Recording]) -> None:
+        """Declare it by its signature."""
+        self.recording = recording
+        update_wrapper(self, signature)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
-        """Run the text of the present variant in plain Python."""
-        function: Callable[P, R] = _interpreted(self, present_variant())
-        return function(*map(_flat, arguments), **named)
-
-
-def recorded(
-    formula: Callable[[Any], str], calls: Iterable[Any] = (), code: Callable[[Any], str] | None = None
-) -> Callable[[Callable[P, R]], Recorded[P, R]]:
-    """Declare a function by its signature and the formula that is recorded for it; see `Recorded`."""
-
-    def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """Make the function."""
-        declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls, code)
-        update_wrapper(declared, signature)
-        return declared
-
-    return declare
-
-
-def called_in(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of some functions that a text calls, by name."""
-    names = set(re.findall(r"\b(\w+)\(", text))
-    return {name: function for name, function in known.items() if name in names}
-
-
-def _flat(argument: Any) -> Any:
-    """Flatten an array of two axes, as recorded texts index it."""
-    if isinstance(argument, np.ndarray) and argument.ndim == 2:
-        return argument.reshape(-1, copy=False)
-    return argument
+        """Run the recording for the present variant in plain Python."""
+        function: Callable[P, R] = _in_python(self, present_variant())
+        return function(*arguments, **named)
 
 
 @cache
-def _interpreted(function: Recorded[..., Any], variant: Any) -> Function:
-    names: dict[str, Any] = {"sqrt": sqrt, "floor": np.floor}
-    text = function.formula(variant)
-    for name, called in called_in(text, function.calls).items():
-        names[name] = _interpreted(called, variant) if isinstance(called, Recorded) else called
-    exec(text, names)
-    return names[function.__name__]
+def _in_python(function: Recorded[..., Any], variant: Any) -> Function:
+    return python_kernel(function.recording(variant), variant.lanes)
 
 
 class Chosen(Generic[P, R]):
@@ -266,19 +254,10 @@ def chosen_by_program(signature: Callable[P, R]) -> Chosen[P, R]:
 def per_lane(function: F) -> F:
     """Mark a driver that is called for each lane with many arrays; blocks of several lanes have it in their loops.
 
-    Handing the arrays over would take longer than what is done with them. In a block of one lane the compiler decides,
+    To hand the arrays over would take longer than what is done with them. In a block of one lane the compiler decides,
     which takes it less time.
     """
     function.__dict__["per_lane"] = True
-    return function
-
-
-def inlined_in_its_caller(function: F) -> F:
-    """Mark a driver that is called in one place, around much else; it is compiled as a part of its caller.
-
-    numba optimises each function with all that it calls, and what lies five deep five times.
-    """
-    function.__dict__["inlined_in_its_caller"] = True
     return function
 
 
@@ -287,7 +266,7 @@ def inlined_in_its_caller(function: F) -> F:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program:
-    """What a kind of kernels does; the assembler collects what the entry points call.
+    """What a kind of kernels does, with all that its entry points call.
 
     Attributes:
         name: name of the kind.
@@ -319,7 +298,7 @@ class Program:
 
 
 class AnyVariant(Protocol):
-    """What the assembler requires of a variant, which must be hashable."""
+    """What the compiler requires of a variant, which must be hashable."""
 
     @property
     def program(self) -> Program:

@@ -13,49 +13,20 @@ from numpy.typing import NDArray
 from flexarm_env.codegen import tracing
 from flexarm_env.codegen.arrays import LaneRows, Memory, Observations, Table, Words
 from flexarm_env.codegen.declarations import intrinsic
+from flexarm_env.codegen.vectors import VectorWriter
 
-CACHE_LINE = 64  # [bytes], and the widest vector
 TILE = 8  # lanes that are transposed at once
-
-
-def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """Emit the code of `fused`."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Emit it."""
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), generate
-
-
-@intrinsic(_fused)
-def fused(a: float, b: float, c: float) -> float:
-    """Return a * b + c, rounded once.
-
-    It is one instruction on ARM64 and on x86-64 with FMA (Intel Core since 2013, AMD since 2012). Elsewhere it is a
-    slow call into the C library, with a bitwise identical result.
-    """
-    return a * b + c  # rounded twice
 
 
 def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
     """Emit the code of `quarter_turns`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit."""
-        whole, number = ir.IntType(64), ir.DoubleType()
-        shifted = builder.fadd(arguments[0], ir.Constant(number, 6755399441055744.0))
-        turns = builder.bitcast(shifted, whole)
-        one, two, to_sign = (ir.Constant(whole, value) for value in (1, 2, 62))
-        odd = builder.icmp_unsigned("!=", builder.and_(turns, one), ir.Constant(whole, 0))
-        turned = []
-        for then, otherwise, count in ((2, 1, turns), (1, 2, builder.add(turns, one))):
-            value = builder.bitcast(builder.select(odd, arguments[then], arguments[otherwise]), whole)
-            sign = builder.shl(builder.and_(count, two), to_sign)
-            turned.append(builder.bitcast(builder.xor(value, sign), number))
+        """Emit it, for one lane."""
+        turned = VectorWriter(context, builder, 1, {}).quarter_turns(*arguments)
         return context.make_tuple(builder, signature.return_type, turned)
 
-    pair = types.UniTuple(types.float64, 2)  # type: ignore[no-untyped-call]
+    pair = types.UniTuple(types.float64, 2)
     return pair(types.float64, types.float64, types.float64), generate
 
 
@@ -83,7 +54,7 @@ def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: A
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(length, strides[0]))
         data = builder.bitcast(builder.gep(whole.data, [arguments[1]]), array.data.type)
-        populate_array(array, data, lengths, strides, size, None)  # type: ignore[no-untyped-call]
+        populate_array(array, data, lengths, strides, size, None)
         return array._getvalue()
 
     return kind(memory, first, shape, dtype), generate
@@ -104,9 +75,8 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Eight loads, three rounds of exchanges between two vectors each, eight stores."""
-        known, where, scales, told = (
-            context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 2, 3, 5)
-        )
+        known = context.make_helper(builder, signature.args[0], arguments[0])
+        where, scales, told = (context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (2, 3, 5))
         doubles, floats = (ir.VectorType(kind, TILE) for kind in (ir.DoubleType(), ir.FloatType()))
         indices = ir.VectorType(ir.IntType(32), TILE)
         undefined = ir.Constant(doubles, ir.Undefined)

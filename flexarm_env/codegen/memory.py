@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.intrinsics import CACHE_LINE
-
 WORD = 8  # [bytes]; the unit of all places
+CACHE_LINE = 64  # [bytes], and the widest vector
 
 
 class ArraySpec(NamedTuple):

@@ -2,7 +2,7 @@
 
 An episode's key is drawn from the environment's `np_random` at its reset; everything random after that comes from
 here, in the kernel, so that an episode is the same alone, in a batch, and with any neighbours.
-Compiled into the kernels as it stands (`assembly`).
+Compiled into the kernels as it stands (`compiler`).
 """
 
 from __future__ import annotations

@@ -1,32 +1,63 @@
-"""Records what a function of numbers does and writes it down as straight-line code.
+"""Records what a function of numbers does, as straight-line code.
 
 The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `jacobian_transpose`).
 Called with floats or numpy arrays these functions compute. Called with `Expression` objects they are recorded,
 and the record is compiled: loops over modes are gone, shared subexpressions are computed once, and the compiler
 can vectorise the result over the environments of a batch. No operation is reordered, but a product that one sum alone
-uses is fused with it (`intrinsics.fused`): rounded once, in one instruction, wherever the code runs.
+uses is fused with it: rounded once, in one instruction, wherever the code runs.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import wraps
 from inspect import unwrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-_DEEPEST = 12  # nesting of a written expression; Python's parser and readers have limits
-_PRODUCT = "{0} * {1}"
-# Sums and differences, which operand may be a product, and what they are with it: its factors are 0 and 1, the other 2.
+# Sums and differences, which operand may be a product, and what they are with it: a * b + c, c - a * b, a * b - c.
 _FUSED = (
-    ("{0} + {1}", 1, "fused({0}, {1}, {2})"),
-    ("{0} + {1}", 0, "fused({0}, {1}, {2})"),
-    ("{0} - {1}", 1, "fused(-{0}, {1}, {2})"),
-    ("{0} - {1}", 0, "fused({0}, {1}, -{2})"),
+    ("add", 1, "multiply_add"),
+    ("add", 0, "multiply_add"),
+    ("subtract", 1, "multiply_subtract_from"),
+    ("subtract", 0, "multiply_subtract"),
 )
-_Operation = tuple[str, tuple[str, ...]]
+
+
+class Operation(NamedTuple):
+    """One operation of a record.
+
+    Attributes:
+        name: "row" or "number" of an input, "call" of a function, "result" of a call, else that of the arithmetic.
+        operands: numbers of earlier operations; a literal is a text.
+        what: of an input its argument, and the row, or the places of an element; of a call the function; of a result
+            its place.
+    """
+
+    name: str
+    operands: tuple[int | str, ...] = ()
+    what: tuple[Any, ...] = ()
+
+
+class Recording(NamedTuple):
+    """A record that is complete: a kernel, or a function that kernels call.
+
+    Attributes:
+        parameters: names of the arguments.
+        operations: in their order.
+        results: operation, or literal, of each number that is returned or stored.
+        places: array and row where a kernel stores each result; none of a function.
+        functions: recordings that its calls name.
+    """
+
+    parameters: tuple[str, ...]
+    operations: list[Operation]
+    results: list[int | str]
+    places: list[tuple[str, int]]
+    functions: dict[str, Recording] = {}  # noqa: RUF012
 
 
 class Trace:
@@ -39,101 +70,83 @@ class Trace:
             inlining: formulas that are recorded once elsewhere (`recorded_once`) become part of this record.
         """
         self.inlining = inlining
-        self._operations: list[_Operation] = []
-        self._known: dict[_Operation, Expression] = {}
-        self._arguments: set[str] = set()  # of calls
+        self._operations: list[Operation] = []
+        self._known: dict[Operation, Expression] = {}
 
-    def input(self, code: str) -> Expression:
-        """Record a value that the surrounding code provides, e.g. an array element."""
-        return self.assign(code)
+    def number(self, argument: str, *places: int) -> Expression:
+        """Record the reading of an argument, or of an element of one."""
+        return self._add(Operation("number", (), (argument, *places)))
 
-    def inputs(self, codes: Sequence[str]) -> list[Expression]:
-        """Record several inputs at once."""
-        return [self.input(code) for code in codes]
+    def row(self, array: str, row: int) -> Expression:
+        """Record the reading of a lane's number in a row of an array."""
+        return self._add(Operation("row", (), (array, row)))
 
-    def assign(self, template: str, *operands: str) -> Expression:
-        """Record one operation, or find it if it was recorded before."""
-        operation = (template, operands)
-        known = self._known.get(operation)
-        if known is None:
-            known = Expression(self, f"x{len(self._operations)}")
-            self._operations.append(operation)
-            self._known[operation] = known
-        return known
+    def assign(self, name: str, *operands: Any) -> Expression:
+        """Record arithmetic."""
+        return self._add(Operation(name, tuple(map(_code, operands))))
 
     def call(self, function: str, arguments: Sequence[Any], count: int) -> list[Expression]:
         """Record a call of a function that returns `count` numbers."""
-        codes = [_code(argument) for argument in arguments]
-        self._arguments.update(codes)
-        places = ", ".join(f"{{{place}}}" for place in range(len(codes)))
-        called = self.assign(f"{function}({places})", *codes)
-        return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
+        called = self._add(Operation("call", tuple(map(_code, arguments)), (function,)))
+        return [self._add(Operation("result", (called.index,), (n,))) for n in range(count)]
 
-    def reads(self, name: str) -> bool:
-        """Whether a value that the surrounding code provides is an argument of this name, or an element of it."""
-        return any(template.split("[")[0] == name for template, operands in self._operations if not operands)
+    def _add(self, operation: Operation) -> Expression:
+        """Record an operation, or find it if it was recorded before."""
+        known = self._known.get(operation)
+        if known is None:
+            known = self._known[operation] = Expression(self, len(self._operations))
+            self._operations.append(operation)
+        return known
 
-    def lines(self, results: Sequence[Any], fusing: bool = True) -> list[str]:
-        """Write assignments that compute the results, each under its own name; what no result needs is left out.
+    def reads(self, argument: str) -> bool:
+        """Return whether the record reads an argument, or an element of it."""
+        return any(operation.what[:1] == (argument,) for operation in self._operations if not operation.operands)
 
-        An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
-        with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
-        arguments of calls (numba does not read a long call with a choice inside). `fusing`: sums with products.
-        """
-        named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
-        operations = self._fused(results, named) if fusing else self._operations
-        uses = _uses(operations, results)
-        written: dict[str, tuple[str, int]] = {}  # code and nesting of operations without a name
-        lines = []
-        for index, (template, operands) in enumerate(operations):
-            name = f"x{index}"
-            if name not in uses:
-                continue
-            inner = [written.get(operand, (operand, 0)) for operand in operands]
-            code = template.format(*(f"({text})" if nesting else text for text, nesting in inner))
-            nesting = 1 + max((nesting for _, nesting in inner), default=0)
-            if uses[name] == 1 and name not in named and nesting < _DEEPEST:
-                written[name] = (code, nesting)
-            else:
-                lines.append(f"{name} = {code}")
-        return lines
+    def recording(
+        self,
+        parameters: Sequence[str],
+        results: Sequence[Any],
+        places: Sequence[tuple[str, int]] = (),
+        fusing: bool = True,
+    ) -> Recording:
+        """Complete the record (see `Recording`), without what no result needs; `fusing`: merge sums with products."""
+        codes = [_code(result) for result in results]
+        operations = self._fused(codes) if fusing else self._operations
+        uses = _uses(operations, codes)
+        numbers = {old: new for new, old in enumerate(sorted(uses))}
 
-    def needed(self, results: Sequence[Any], fusing: bool = True) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return the operations that the results need: name, template, operands; `fusing` as in `lines`."""
-        named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
-        operations = self._fused(results, named) if fusing else self._operations
-        uses = _uses(operations, results)
-        return [(f"x{n}", *operation) for n, operation in enumerate(operations) if f"x{n}" in uses]
+        def renumbered(codes: Sequence[int | str]) -> list[int | str]:
+            return [numbers[code] if isinstance(code, int) else code for code in codes]
 
-    def _fused(self, results: Sequence[Any], named: set[str]) -> list[_Operation]:
-        """Merge each sum with a product that nothing else uses."""
+        needed = [operations[old]._replace(operands=tuple(renumbered(operations[old].operands))) for old in numbers]
+        return Recording(tuple(parameters), needed, renumbered(codes), list(places))
+
+    def _fused(self, results: Sequence[int | str]) -> list[Operation]:
+        """Merge each sum with a product that nothing else uses; arguments of calls are rounded by themselves."""
         uses = _uses(self._operations, results)
+        kept = {code for one in self._operations if one.name == "call" for code in one.operands} | set(results)
         products = {
-            f"x{index}": operands
-            for index, (template, operands) in enumerate(self._operations)
-            if template == _PRODUCT and uses.get(f"x{index}") == 1 and f"x{index}" not in named
+            index: operation.operands
+            for index, operation in enumerate(self._operations)
+            if operation.name == "multiply" and uses.get(index) == 1 and index not in kept
         }
         fused = []
-        for template, operands in self._operations:
-            for sum_or_difference, place, merged in _FUSED:
-                if template == sum_or_difference and operands[place] in products:
-                    template, operands = merged, (*products[operands[place]], operands[1 - place])
+        for operation in self._operations:
+            for name, place, merged in _FUSED:
+                if operation.name == name and operation.operands[place] in products:
+                    product = products[operation.operands[place]]  # type: ignore[index]
+                    operation = Operation(merged, (*product, operation.operands[1 - place]))
                     break
-            fused.append((template, operands))
+            fused.append(operation)
         return fused
 
 
-def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str, int]:
+def _uses(operations: Sequence[Operation], results: Sequence[int | str]) -> dict[int, int]:
     """Return how often each needed operation is used; the results count once more."""
-    uses: dict[str, int] = {}
-    for result in results:
-        if isinstance(result, Expression):
-            uses[result.name] = uses.get(result.name, 0) + 1
+    uses = Counter(code for code in results if isinstance(code, int))
     for index in reversed(range(len(operations))):
-        template, operands = operations[index]
-        if f"x{index}" in uses:
-            for place, operand in enumerate(operands):
-                uses[operand] = uses.get(operand, 0) + template.count(f"{{{place}}}")
+        if index in uses:
+            uses.update(code for code in operations[index].operands if isinstance(code, int))
     return uses
 
 
@@ -162,24 +175,24 @@ def _asked(arguments: Sequence[Any]) -> Symbol | None:
 class Expression(Symbol):
     """A number that is not known yet; arithmetic on it is recorded."""
 
-    __slots__ = ("name", "trace")
+    __slots__ = ("index", "trace")
 
-    def __init__(self, trace: Trace, name: str) -> None:
+    def __init__(self, trace: Trace, index: int) -> None:
         """Made by `Trace` only."""
         self.trace = trace
-        self.name = name
+        self.index = index
 
-    def _record(self, template: str, *operands: Any) -> Any:
+    def _record(self, name: str, *operands: Any) -> Any:
         """Record the operation; return NotImplemented if an operand has a higher rank."""
         if any(isinstance(operand, Symbol) and operand.rank > self.rank for operand in operands):
             return NotImplemented
-        return self.trace.assign(template, *(_code(operand) for operand in operands))
+        return self.trace.assign(name, *operands)
 
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
         """Record a primitive, or a call."""
-        template = _PRIMITIVES.get(function)
-        if template is not None:
-            return self._record(template, *arguments)
+        primitive = _PRIMITIVES.get(function)
+        if primitive is not None:
+            return self._record(primitive, *arguments)
         name, count = _CALLED[function]
         if self.trace.inlining and name == recorded_name(function):
             return unwrap(function)(*arguments)
@@ -188,46 +201,46 @@ class Expression(Symbol):
 
     def __add__(self, other: Any) -> Any:
         """Sum; adding a literal zero records nothing."""
-        return self if _is(other, 0.0) else self._record("{0} + {1}", self, other)
+        return self if _is(other, 0.0) else self._record("add", self, other)
 
     def __radd__(self, other: Any) -> Any:
         """Reflected sum."""
-        return self if _is(other, 0.0) else self._record("{0} + {1}", other, self)
+        return self if _is(other, 0.0) else self._record("add", other, self)
 
     def __sub__(self, other: Any) -> Any:
         """Difference."""
-        return self if _is(other, 0.0) else self._record("{0} - {1}", self, other)
+        return self if _is(other, 0.0) else self._record("subtract", self, other)
 
     def __rsub__(self, other: Any) -> Any:
         """Reflected difference."""
-        return -self if _is(other, 0.0) else self._record("{0} - {1}", other, self)
+        return -self if _is(other, 0.0) else self._record("subtract", other, self)
 
     def __mul__(self, other: Any) -> Any:
         """Product; a literal zero or one records nothing."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record(_PRODUCT, self, other)
+        return self._record("multiply", self, other)
 
     def __rmul__(self, other: Any) -> Any:
         """Reflected product."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record(_PRODUCT, other, self)
+        return self._record("multiply", other, self)
 
     def __truediv__(self, other: Any) -> Any:
         """Quotient."""
-        return self._record("{0} / {1}", self, other)
+        return self._record("divide", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
         """Reflected quotient."""
-        return self._record("{0} / {1}", other, self)
+        return self._record("divide", other, self)
 
     def __neg__(self) -> Any:
         """Negative."""
-        return self._record("-{0}", self)
+        return self._record("negate", self)
 
 
-_PRIMITIVES: dict[Callable[..., Any], str] = {}  # how they are written
+_PRIMITIVES: dict[Callable[..., Any], str] = {}  # names of their operations
 _CALLED: dict[Callable[..., Any], tuple[str, int]] = {}  # their names in kernels, and how many results they have
 
 
@@ -259,16 +272,11 @@ def recorded_name(formula: Callable[..., Any]) -> str:
     return f"{formula.__name__}_fused"
 
 
-def _primitive(template: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorate a function of numbers and arrays that a record writes as `template`."""
-
-    def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        """Make the function for symbols too."""
-        function = _asking(formula)
-        _PRIMITIVES[function] = template
-        return function
-
-    return decorated
+def _primitive(formula: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a function of numbers and arrays that is an operation of a record, under its own name."""
+    function = _asking(formula)
+    _PRIMITIVES[function] = formula.__name__
+    return function
 
 
 def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
@@ -283,15 +291,15 @@ def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def _code(operand: Any) -> str:
-    return operand.name if isinstance(operand, Expression) else repr(float(operand))
+def _code(operand: Any) -> int | str:
+    return operand.index if isinstance(operand, Expression) else repr(float(operand))
 
 
 def _is(operand: Any, value: float) -> bool:
     return isinstance(operand, int | float) and float(operand) == value
 
 
-@_primitive("floor({0})")
+@_primitive
 def floor(x: Any) -> Any:
     """Return the largest integer not above x, as a float."""
     return np.floor(x)
@@ -311,31 +319,31 @@ def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     return sign * np.where(odd, cosine, sine)[()], sign * (1.0 - 2.0 * swap) * np.where(odd, sine, cosine)[()]
 
 
-@_primitive("sqrt({0})")
+@_primitive
 def root(x: Any) -> Any:
     """Return the square root."""
     return np.sqrt(x)
 
 
-@_primitive("abs({0})")
+@_primitive
 def magnitude(x: Any) -> Any:
     """Return the absolute value."""
     return np.abs(x)
 
 
-@_primitive("({2} if {0} < {1} else {3})")
+@_primitive
 def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
     """Return `then` where x < bound, else `otherwise`; NaN is not less."""
     return np.where(np.asarray(x) < bound, then, otherwise)[()]
 
 
-@_primitive("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))")
+@_primitive
 def clip(x: Any, low: Any, high: Any) -> Any:
     """Return x limited to [low, high]; NaN stays NaN."""
     return np.clip(x, low, high)
 
 
-@_primitive("({1} if {0} < {1} else {0})")
+@_primitive
 def at_least(x: Any, low: float) -> Any:
     """Return the larger of x and low; NaN stays NaN."""
     return np.maximum(x, low)

@@ -7,95 +7,41 @@ written down for several lanes at once. Each is rounded as the text would be (`t
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from inspect import Parameter, Signature
+from typing import Any
 
 from llvmlite import ir
 from numba.core import types
+from numba.extending import intrinsic
 
-from flexarm_env.codegen.intrinsics import CACHE_LINE
-from flexarm_env.codegen.tracing import Expression, Trace
-
-_ROW = re.compile(r"(\w+)\[i(?: \+ (\d+))?\]")
-_NUMBER = re.compile(r"(\w+)((?:\[\d+\])*)")
-
-
-class Lowered(NamedTuple):
-    """A kernel, or a function that kernels call, as `VectorWriter` takes it.
-
-    Attributes:
-        operations: template and operands; an operand is the number of an earlier operation, or a literal as a text. For
-            an input: "row" with its array's place among the arguments and first number, or "number" with its place and
-            the places of a tuple's or an array's element.
-        results: what a function gives, or a kernel stores: the operation, or literal, of each.
-        places: where a kernel stores each: array and first number; none of a function.
-    """
-
-    operations: list[tuple[Any, ...]]
-    results: list[int | str]
-    places: list[tuple[int, int]]
+from flexarm_env.codegen.memory import CACHE_LINE
+from flexarm_env.codegen.rows import Rows
+from flexarm_env.codegen.tracing import Recording
 
 
-def lowered(
-    trace: Trace, results: Sequence[Any], arguments: Sequence[str], places: Sequence[str] = (), fusing: bool = True
-) -> Lowered:
-    """Lower a record.
-
-    Args:
-        trace: the record; its inputs are rows of the arguments, ``array[i + 8]``, or numbers among them.
-        results: what it finds.
-        arguments: of the kernel or function.
-        places: rows where a kernel stores the results.
-        fusing: sums with products.
-    """
-    numbers: dict[str, int] = {}
-    operations: list[tuple[Any, ...]] = []
-    for name, template, operands in trace.needed(results, fusing):
-        numbers[name] = len(operations)
-        if operands:
-            operations.append((template, *(numbers.get(operand, operand) for operand in operands)))
-        else:
-            operations.append(_input(template, arguments))
-    codes = [numbers[value.name] if isinstance(value, Expression) else repr(float(value)) for value in results]
-    return Lowered(operations, codes, [_input(place, arguments)[1:] for place in places])
-
-
-def _input(code: str, arguments: Sequence[str]) -> tuple[Any, ...]:
-    """Find an input: a row of an array among the arguments, or a number."""
-    row = _ROW.fullmatch(code)
-    if row is not None:
-        return "row", arguments.index(row[1]), int(row[2] or 0)
-    number = _NUMBER.fullmatch(code)
-    assert number is not None, code
-    return "number", arguments.index(number[1]), *map(int, re.findall(r"\d+", number[2]))
-
-
-def kernel_text(
-    name: str, arguments: Sequence[str], lanes: int, kernel: Lowered, functions: Mapping[str, Lowered]
-) -> str:
-    """Write the text of the intrinsic's code that a record becomes; its module has `VectorWriter` too.
+def vector_kernel(name: str, lanes: int, recording: Recording) -> Any:
+    """Return what numba takes for a recorded kernel.
 
     Args:
         name: of the kernel.
-        arguments: of the kernel.
         lanes: of a block.
-        kernel: its record.
-        functions: that it calls.
+        recording: of the kernel.
     """
-    listed, called = ", ".join(arguments), {name: tuple(function) for name, function in functions.items()}
-    return f"""\
-def {name}(typing_context, {listed}):
-    kernel = {tuple(kernel)!r}
-    functions = {called!r}
 
-    def generate(context, builder, signature, given):
-        writer = VectorWriter(context, builder, {lanes}, functions)
-        writer.call_kernel({name!r}, kernel, signature.args, given, {CACHE_LINE})
-        return context.get_dummy_value()
+    def typed(typing_context: Any, *kinds: Any) -> Any:
+        """Give the signature, and what emits the code."""
 
-    return types.void({listed}), generate
-"""
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            """Emit it."""
+            VectorWriter(context, builder, lanes, recording.functions).call_kernel(name, recording, kinds, given)
+            return context.get_dummy_value()
+
+        return types.void(*kinds), generate
+
+    names = ("typing_context", *recording.parameters)
+    typed.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in names])  # type: ignore[attr-defined]
+    return intrinsic(typed)
 
 
 class VectorWriter:
@@ -106,14 +52,14 @@ class VectorWriter:
         width: how many lanes.
     """
 
-    def __init__(self, context: Any, builder: Any, lanes: int, functions: Any) -> None:
+    def __init__(self, context: Any, builder: Any, lanes: int, functions: Mapping[str, Recording]) -> None:
         """Begin one.
 
         Args:
             context: of numba's compiler.
             builder: of the function that calls the kernel.
             lanes: of a block.
-            functions: that the kernel may call (`Lowered`), by name.
+            functions: that the kernel may call, by name.
         """
         self.context, self.builder, self.lanes, self.functions = context, builder, lanes, functions
         _, _, features = context.codegen().magic_tuple()
@@ -127,15 +73,16 @@ class VectorWriter:
 
     # --- functions ----------------------------------------------------------------------------------------------------
 
-    def call_kernel(self, name: str, kernel: Any, kinds: Any, given: Any, alignment: int) -> None:
+    def call_kernel(self, name: str, kernel: Recording, kinds: Any, given: Any) -> None:
         """Write the kernel as a function of the module, once, and call it.
+
+        The stack is aligned: no vector that does not fit into the registers lies across two lines of the cache.
 
         Args:
             name: of the kernel.
-            kernel: see `Lowered`.
+            kernel: its recording.
             kinds: types of the arguments.
             given: the arguments, arrays and numbers.
-            alignment: of the stack, where vectors lie that do not fit into registers: none lies across two lines.
         """
         caller = self.builder
         parts = [self.parts(kind, value) for kind, value in zip(kinds, given, strict=True)]
@@ -144,16 +91,19 @@ class VectorWriter:
             flat = self.flat(parts)
             function = ir.Function(caller.module, ir.FunctionType(ir.VoidType(), [part.type for part in flat]), name)
             function.linkage = "internal"
-            function.attributes.alignstack = alignment
+            function.attributes.alignstack = CACHE_LINE
             function.attributes.add("nounwind")
             function.attributes.add("noinline")
             self.builder = ir.IRBuilder(function.append_basic_block())
-            self.write_kernel(kernel, self.nested(parts, iter(function.args)))
+            arguments = self.nested(parts, iter(function.args))
+            self.write_kernel(kernel, dict(zip(kernel.parameters, arguments, strict=True)))
             self.builder = caller
         caller.call(function, self.flat(parts))
 
     def parts(self, kind: Any, value: Any) -> Any:
-        """Return the data of an array, a number as a double, or those of a tuple."""
+        """Return the data of rows or an array, a number as a double, or those of a tuple."""
+        if isinstance(kind, Rows):
+            return self.context.make_helper(self.builder, kind, value).data
         if isinstance(kind, types.Array):
             return self.context.make_array(kind)(self.context, self.builder, value).data
         if isinstance(kind, types.BaseTuple):
@@ -169,14 +119,13 @@ class VectorWriter:
         """Invert `flat`: nest as `parts` is."""
         return [self.nested(part, flat) if isinstance(part, list) else next(flat) for part in parts]
 
-    def write_kernel(self, kernel: Any, arguments: Any) -> None:
+    def write_kernel(self, kernel: Recording, arguments: Mapping[str, Any]) -> None:
         """Emit a kernel's body: what it reads of all lanes, then a loop over as many lanes as go together."""
-        operations, results, places = kernel
         builder, count = self.builder, self.lanes // self.width
         known = {
-            place: self.number(arguments[first], further)
-            for place, (what, first, *further) in enumerate(operations)
-            if what == "number"
+            index: self.number(arguments[operation.what[0]], operation.what[1:])
+            for index, operation in enumerate(kernel.operations)
+            if operation.name == "number"
         }
         if count > 1:
             entry, body, after = builder.block, builder.append_basic_block(), builder.append_basic_block()
@@ -184,9 +133,9 @@ class VectorWriter:
             builder.position_at_end(body)
             self.first_lane = builder.phi(ir.IntType(64))
             self.first_lane.add_incoming(ir.Constant(ir.IntType(64), 0), entry)
-        values = self.evaluate(operations, known, arguments)
-        found = [self.operand(values, code) for code in results]
-        for (array, first), value in zip(places, found, strict=True):
+        values = self.evaluate(kernel, known, arguments)
+        found = [self.operand(values, code) for code in kernel.results]
+        for (array, first), value in zip(kernel.places, found, strict=True):
             builder.store(value, self.row(arguments[array], first), align=8)
         if count > 1:
             following = builder.add(self.first_lane, ir.Constant(ir.IntType(64), self.width))
@@ -201,52 +150,53 @@ class VectorWriter:
         It loads the rows among its arguments itself, anew: a row that stayed in a register from one call to the next
         would have to be stored on the stack in between, since there are far more rows than registers.
         """
-        operations, results, _ = self.functions[name]
         if any(isinstance(argument, tuple) for argument in given):
             self.builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", (), True)  # what was loaded is stale
-        known = {place: given[what[1]] for place, what in enumerate(operations) if what[0] == "number"}
-        values = self.evaluate(operations, known, ())
-        return [self.operand(values, code) for code in results]
+        function = self.functions[name]
+        arguments = dict(zip(function.parameters, given, strict=True))
+        known = {index: arguments[one.what[0]] for index, one in enumerate(function.operations) if one.name == "number"}
+        values = self.evaluate(function, known, {})
+        return [self.operand(values, code) for code in function.results]
 
     # --- operations ---------------------------------------------------------------------------------------------------
 
-    def evaluate(self, operations: Any, known: Any, arguments: Any) -> dict[int, Any]:
-        """Emit all operations; see `Lowered`. `known`: the values of numbers.
+    def evaluate(self, recording: Recording, known: Mapping[int, Any], arguments: Mapping[str, Any]) -> dict[int, Any]:
+        """Emit all operations of a recording. `known`: the values of numbers.
 
-        A row's value is its array and first number until an operation needs it, which then loads it (`operand`).
+        A row's value is its array and the row until an operation needs it, which then loads it (`operand`).
         """
         values, rules = dict(known), self.rules()
-        for place, (what, *codes) in enumerate(operations):
-            if what == "row":
-                values[place] = arguments[codes[0]], codes[1]
-            elif what in rules:
-                values[place] = rules[what](*[self.operand(values, code) for code in codes])
-            elif what.startswith("{0}["):  # one of several results
-                values[place] = values[codes[0]][int(what[4:-1])]
-            elif what != "number":
-                given = [values[code] if isinstance(code, int) else self.operand(values, code) for code in codes]
-                values[place] = self.called(what[: what.index("(")], given)
+        for index, (name, operands, what) in enumerate(recording.operations):
+            if name == "row":
+                values[index] = arguments[what[0]], what[1]
+            elif name == "result":
+                values[index] = self.operand(values, operands[0])[what[0]]
+            elif name == "call" and what[0] != "quarter_turns":
+                given = [values[code] if isinstance(code, int) else self.operand(values, code) for code in operands]
+                values[index] = self.called(what[0], given)
+            elif name != "number":
+                rule = self.quarter_turns if name == "call" else rules[name]
+                values[index] = rule(*[self.operand(values, code) for code in operands])
         return values
 
     def rules(self) -> dict[str, Any]:
-        """Return the function that writes each template of a record."""
+        """Return the function that writes each operation of a record."""
         builder, less = self.builder, self.less
         return {
-            "{0} + {1}": builder.fadd,
-            "{0} - {1}": builder.fsub,
-            "{0} * {1}": builder.fmul,
-            "{0} / {1}": builder.fdiv,
-            "-{0}": builder.fneg,
-            "fused({0}, {1}, {2})": lambda a, b, c: self.library("fma", a, b, c),
-            "fused(-{0}, {1}, {2})": lambda a, b, c: self.library("fma", builder.fneg(a), b, c),
-            "fused({0}, {1}, -{2})": lambda a, b, c: self.library("fma", a, b, builder.fneg(c)),
-            "floor({0})": lambda a: self.library("floor", a),
-            "sqrt({0})": lambda a: self.library("sqrt", a),
-            "abs({0})": lambda a: self.library("fabs", a),
-            "({2} if {0} < {1} else {3})": less,
-            "({1} if {0} < {1} else ({2} if {0} > {2} else {0}))": lambda a, b, c: less(a, b, b, less(c, a, c, a)),
-            "({1} if {0} < {1} else {0})": lambda a, b: less(a, b, b, a),
-            "quarter_turns({0}, {1}, {2})": self.quarter_turns,
+            "add": builder.fadd,
+            "subtract": builder.fsub,
+            "multiply": builder.fmul,
+            "divide": builder.fdiv,
+            "negate": builder.fneg,
+            "multiply_add": lambda a, b, c: self.library("fma", a, b, c),
+            "multiply_subtract_from": lambda a, b, c: self.library("fma", builder.fneg(a), b, c),
+            "multiply_subtract": lambda a, b, c: self.library("fma", a, b, builder.fneg(c)),
+            "floor": lambda a: self.library("floor", a),
+            "root": lambda a: self.library("sqrt", a),
+            "magnitude": lambda a: self.library("fabs", a),
+            "where_less": less,
+            "clip": lambda a, b, c: less(a, b, b, less(c, a, c, a)),
+            "at_least": lambda a, b: less(a, b, b, a),
         }
 
     def number(self, argument: Any, places: Any) -> Any:
@@ -258,9 +208,9 @@ class VectorWriter:
                 argument = self.builder.load(self.builder.gep(argument, [ir.Constant(ir.IntType(64), place)]))
         return self.spread(argument)
 
-    def row(self, data: Any, first: int) -> Any:
+    def row(self, data: Any, row: int) -> Any:
         """Return where the present lanes' numbers of a row lie."""
-        place = ir.Constant(ir.IntType(64), first)
+        place = ir.Constant(ir.IntType(64), row * self.lanes)
         if self.first_lane is not None:
             place = self.builder.add(self.first_lane, place)
         pointer = self.builder.gep(data, [place])
@@ -300,7 +250,10 @@ class VectorWriter:
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), then, otherwise)
 
     def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> list[Any]:
-        """As `intrinsics.quarter_turns`, by the last two bits of k."""
+        """Emit `tracing.quarter_turns`, by the last two bits of k.
+
+        Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit.
+        """
         builder = self.builder
         one, two, to_sign = (self.constant(self.whole, value) for value in (1, 2, 62))
         turns = builder.bitcast(builder.fadd(k, self.constant(self.kind, 6755399441055744.0)), self.whole)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Table, Words
-from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
+from flexarm_env.codegen.declarations import Function, chosen_by_program
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
@@ -48,9 +48,9 @@ def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRI
     """Register a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:
-        """Register the driver and mark it for compilation inside its caller."""
+        """Register the driver."""
         among[program] = Drive(driver, groups, words)
-        return inlined_in_its_caller(driver)
+        return driver
 
     return enter
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, Path, Paths, ResetRequest, Table, Words
-from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, lane_setting, setting, word
@@ -79,7 +78,6 @@ def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) 
     return index + int(direction) * header[word.PATH_NAMES]
 
 
-@inlined_in_its_caller
 def draw_start(
     arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, i: int
 ) -> None:

@@ -20,7 +20,6 @@ from flexarm_env.codegen.arrays import (
     Table,
     Words,
 )
-from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
@@ -59,7 +58,6 @@ def take_actions(arena: Arena, actions: Actions, first: int, header: Words) -> N
             changes[i] += change * change
 
 
-@inlined_in_its_caller
 def observe(
     arena: Arena,
     history: History,
@@ -83,7 +81,6 @@ def observe(
     write_observations(arena, observations, first, header, settings, active)
 
 
-@inlined_in_its_caller
 def update_measurements(
     arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Mask, Memory, Paths, Table, Words
-from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.episode.actuation import drive
 from flexarm_env.episode.first_readings import begin_sensors
 from flexarm_env.episode.observe import observe, take_actions
@@ -37,7 +37,9 @@ def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64
     for block in range(low, high):
         step_block(memory, block, True, True)
         rows, first = header[word.ARENA_ROWS], block * variant.lanes
-        arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
+        arena: Arena = lane_rows(
+            array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64), variant.lanes
+        )
         started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
         for at in range(results.shape[0]):
             known: LaneRow = arena[row.STATE + at]
@@ -48,7 +50,6 @@ def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64
             started[i] = False
 
 
-@inlined_in_its_caller
 def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> None:
     """Advance a block by one control period, unless `DRIVING` is 0, and then begin the episodes that are to begin.
 
@@ -66,9 +67,12 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
     paths = array_at(memory, header[word.PATHS], (header[word.PATH_COUNT], header[word.PATH_POINTS], 5), np.float64)
     first = block * variant.lanes
     rows, readings = header[word.ARENA_ROWS], header[word.HISTORY_ROWS]
-    arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
-    history: History = array_at(
-        memory, header[word.HISTORIES] + first * readings, (readings, variant.lanes), np.float64
+    arena: Arena = lane_rows(
+        array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64), variant.lanes
+    )
+    history: History = lane_rows(
+        array_at(memory, header[word.HISTORIES] + first * readings, (readings, variant.lanes), np.float64),
+        variant.lanes,
     )
     clock = array_at(memory, header[word.CLOCKS] + first * CLOCK_ROWS, (CLOCK_ROWS, variant.lanes), np.int64)
     started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
@@ -98,7 +102,6 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
             start_law(arena, history, clock, paths, settings[setting.STEP], started)
 
 
-@inlined_in_its_caller
 def report(
     memory: Memory,
     arena: Arena,

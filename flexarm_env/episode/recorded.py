@@ -15,7 +15,7 @@ def features_record(variant: Variant) -> Recorder:
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
     known = features.Measurements(
         **{name: r.read(name.upper()) for name in names},
-        lengths=(r.trace.input("length_1"), r.trace.input("length_2")),
+        lengths=(r.trace.number("length_1"), r.trace.number("length_2")),
         phase=r.one("PHASE"),
         frame=r.one("LINK_FRAME"),
     )
@@ -56,7 +56,7 @@ def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Tab
 def joint_record(variant: Variant) -> Recorder:
     """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
-    lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
+    lengths = (r.trace.number("length_1"), r.trace.number("length_2"))
     r.write(
         "REFERENCE_JOINTS",
         features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),

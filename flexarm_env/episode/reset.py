@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm_env.codegen.arrays import Arena, Clock, Mask, Memory, Paths, ResetRequest, Table, Words
-from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.draws import (
@@ -92,7 +91,6 @@ def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: in
         arena[row.SHIFT + 1, i] = 0.0
 
 
-@inlined_in_its_caller
 def reset_lanes(
     memory: Memory,
     arena: Arena,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Program, per_lane
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
 from flexarm_env.kernels.states import ArmTable, load_arms, load_states, store_state
@@ -83,6 +84,7 @@ def run_feedback(
         torques: of the period before the first in the first place; receives those of the periods in the others [N m].
             Shape (arms, n + 1, 2).
     """
+    arena = lane_rows(arena, variant.lanes)
     last = states.shape[0] - 1
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)

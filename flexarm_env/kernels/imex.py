@@ -1,9 +1,9 @@
 """Drivers of the implicit-explicit integrator under the paper's law: loops over lanes, stages and steps.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
-quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). `assembly` puts these functions and
-recorded formulas into one module per variant and compiles that; here they are plain Python for reading, checking and
-testing (`declarations.plain_python`).
+quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). These functions are compiled
+as they stand for each variant (`compiler`), and run in plain Python for reading, checking and testing
+(`declarations.plain_python`).
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tangents import tangents, value, varied
 from flexarm_env.kernels.layout import OUTPUTS, row
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
@@ -46,6 +47,7 @@ def run_outputs(arena: Arena, states: States, values: NDArray[np.float64], slope
         values: receives the outputs (`sensing.outputs`). Shape (n, outputs).
         slopes: receives their derivatives by the states. Shape (n, outputs, 2 * size).
     """
+    arena = lane_rows(arena, variant.lanes)
     length = 2 * variant.size
     for first in range(0, states.shape[0], variant.lanes):
         load_rows(arena, row.STATE, states, first)

@@ -83,7 +83,7 @@ def step_record(variant: Variant) -> Recorder:
     Twice a slope is a sum, since units that only add are idle while others multiply.
     """
     r = Recorder(variant)
-    h, y, p, k = r.trace.input("h"), r.read("Y"), r.read("P"), r.constants()
+    h, y, p, k = r.trace.number("h"), r.read("Y"), r.read("P"), r.constants()
     stage_y, slopes = y, [*r.read("V"), *r.read("FORCE")]
     total: list[Any] = []
     for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True):
@@ -114,14 +114,14 @@ def driven(k: Constants, force: Sequence[Any], tau: Sequence[Any]) -> list[Any]:
 def move(r: Recorder, total: Sequence[Any]) -> None:
     """Write a step's end, from the weighted sum of its rates."""
     y, p = r.read("Y"), r.read("P")
-    moved = plus_scaled([*y, *p], r.trace.input("h") / 6.0, total)
+    moved = plus_scaled([*y, *p], r.trace.number("h") / 6.0, total)
     r.write("Y", moved[: len(y)])
     r.write("P", moved[len(y) :])
     enter_slopes(r, moved[: len(y)], moved[len(y) :])
 
 
 def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
-    basis = r.trace.inputs([f"bases[{basis_of}][{n}]" for n in range(8)])
+    basis = [r.trace.number("bases", basis_of, n) for n in range(8)]
     aim = joint_tracking.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
     gains = (r.read("STIFFNESS"), r.read("RESISTANCE"))
     tau = joint_tracking.tracking_torque(k, gains, aim, r.read("TAU"), state)
@@ -142,12 +142,12 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
 def law_record(variant: Variant) -> Recorder:
     """Record one stage of the closed loop."""
     r = Recorder(variant)
-    h, ahead = r.trace.input("h"), r.trace.input("ahead")
+    h, ahead = r.trace.number("h"), r.trace.number("ahead")
     y, v_known = r.read("Y"), r.read("V")
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
     for slot in range(STAGES):
-        explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
+        explicit, implicit = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
         y = [a + explicit * b for a, b in zip(y, v, strict=True)]
         v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
@@ -184,7 +184,8 @@ def elimination_record(variant: Variant) -> Recorder:
     """
     r = Recorder(variant, fusing=False)
     e = elimination(r.constants())
-    assert e is not None
+    if e is None:
+        raise LookupError("a foreshortened arm has no elimination")
     r.write("ELIMINATION", e.flat())
     return r
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, ParamSpec, TypeVar
 
-from flexarm_env.codegen.declarations import Recorded, called_in, recorded
+from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
-from flexarm_env.codegen.intrinsics import fused, quarter_turns
-from flexarm_env.codegen.tracing import Expression, Trace, recorded_name
-from flexarm_env.codegen.vectors import Lowered, VectorWriter, kernel_text, lowered
+from flexarm_env.codegen.tracing import Recording, Trace, recorded_name
 from flexarm_env.control import jacobian_transpose
 from flexarm_env.kernels.layout import elimination_count
 from flexarm_env.kernels.variants import Variant
@@ -34,22 +33,20 @@ class Recorder:
         """Begin one for a variant; `inlining` as in `Trace`, `fusing` as in `Trace.lines`."""
         self.variant, self.fusing = variant, fusing
         self.trace = Trace(inlining)
-        self.stores: list[tuple[str, Any]] = []
+        self.stores: list[tuple[tuple[str, int], Any]] = []
 
     def read(self, name: str) -> list[Any]:
         """Read the numbers of a part of the arena."""
         first, count = self._part(name)
-        lanes = self.variant.lanes
-        return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
+        return self.rows_of("arena", count, first)
 
     def elements(self, array: str, count: int) -> list[Any]:
         """Read the first elements of an array that all lanes share."""
-        return self.trace.inputs([f"{array}[{n}]" for n in range(count)])
+        return [self.trace.number(array, n) for n in range(count)]
 
     def rows_of(self, array: str, count: int, first: int = 0) -> list[Any]:
         """Rows of another array than the arena, from the first on."""
-        rows = range(first, first + count)
-        return self.trace.inputs([f"{array}[i + {row * self.variant.lanes}]" for row in rows])
+        return [self.trace.row(array, row) for row in range(first, first + count)]
 
     def one(self, name: str) -> Any:
         """Read the number of a part of one row."""
@@ -63,8 +60,7 @@ class Recorder:
 
     def store(self, array: str, values: Sequence[Any], first: int = 0) -> None:
         """Store into rows of an array, from the first on."""
-        places = (f"{array}[i + {row * self.variant.lanes}]" for row in range(first, first + len(values)))
-        self.stores += zip(places, values, strict=True)
+        self.stores += (((array, first + n), value) for n, value in enumerate(values))
 
     def constants(self) -> Constants:
         """Read the constants of the arm."""
@@ -111,68 +107,41 @@ class Recorder:
             raise LookupError(f"a formula needs Row.{name}: programs of kind {self.variant.kind!r} do not have it")
         return self.variant.rows[name]
 
-    def source(self, name: str, arguments: Sequence[str]) -> str:
-        """Write the kernel in plain Python: for each lane, what was recorded, then the stores."""
-        body = self.trace.lines([value for _, value in self.stores], self.fusing)
-        for place, value in self.stores:
-            code = value.name if isinstance(value, Expression) else repr(float(value))
-            body.append(f"{place} = {code}")
-        lines = "".join(f"        {line}\n" for line in body)
-        return f"def {name}({', '.join(arguments)}):\n    for i in range({self.variant.lanes}):\n{lines}"
-
-    def vectors(self, name: str, arguments: Sequence[str]) -> str:
-        """Write the kernel as it is compiled (`vectors`)."""
+    def recording(self, parameters: Sequence[str]) -> Recording:
+        """Complete the recording of a kernel with these parameters."""
         places, values = [place for place, _ in self.stores], [value for _, value in self.stores]
-        kernel = lowered(self.trace, values, arguments, places, self.fusing)
-        return kernel_text(name, arguments, self.variant.lanes, kernel, _functions(self.variant, kernel))
+        kernel = self.trace.recording(parameters, values, places, self.fusing)
+        return kernel._replace(functions=_functions(self.variant, kernel))
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
     return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
 
 
-class RecordedFunction(Recorded[..., Any]):
-    """A function of numbers that recorded kernels call."""
-
-    def __init__(
-        self, name: str, record: Callable[[Variant], tuple[Trace, list[str], Sequence[Any]]], calls: Sequence[Any]
-    ) -> None:
-        """Declare it; `record` gives trace, parameters and results for a variant."""
-        super().__init__(name, self._source, calls)
-        self._record = record
-
-    def _source(self, variant: Variant) -> str:
-        """Write it in plain Python."""
-        trace, names, results = self._record(variant)
-        lines = [*trace.lines(results), f"return ({', '.join(result.name for result in results)},)"]
-        return f"def {self.__name__}({', '.join(names)}):\n" + "".join(f"    {line}\n" for line in lines)
-
-    def lowered(self, variant: Variant) -> Lowered:
-        """Return it as it is compiled."""
-        trace, names, results = self._record(variant)
-        return lowered(trace, results, names)
-
-
-def _functions(variant: Variant, caller: Lowered) -> dict[str, Lowered]:
-    """Find the functions that a record calls, and those that they call."""
-    functions = {called.__name__: called for called in CALLED if isinstance(called, RecordedFunction)}
-    found: dict[str, Lowered] = {}
-    for name in called_in(" ".join(str(operation[0]) for operation in caller.operations), functions):
-        function = functions[name].lowered(variant)
+def _functions(variant: Variant, caller: Recording) -> dict[str, Recording]:
+    """Return the recordings of the functions that one calls, and of those that they call."""
+    found: dict[str, Recording] = {}
+    for name in {str(one.what[0]) for one in caller.operations if one.name == "call"} & set(_FUNCTIONS):
+        function = _recorded_function(name, variant)
         found |= {name: function} | _functions(variant, function)
-    return found
+    return dict(sorted(found.items()))
 
 
-def _elementary(formula: Callable[..., Any]) -> RecordedFunction:
-    """Declare an elementary function with its sums and products fused."""
+@cache
+def _recorded_function(name: str, variant: Variant) -> Recording:
+    return _FUNCTIONS[name](variant)
 
-    def record(_: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
+
+def _elementary(formula: Callable[..., Any]) -> Callable[[Variant], Recording]:
+    """Return what records an elementary function, with its sums and products fused."""
+
+    def record(_: Variant) -> Recording:
         """Record it; it is the same for all variants."""
         trace, names = Trace(), list(inspect.signature(formula).parameters)
-        found = formula(*trace.inputs(names))
-        return trace, names, found if isinstance(found, tuple) else (found,)
+        found = formula(*map(trace.number, names))
+        return trace.recording(names, found if isinstance(found, tuple) else (found,))
 
-    return RecordedFunction(recorded_name(formula), record, INTRINSICS)
+    return record
 
 
 def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable[P, R]], Recorded[P, R]]:
@@ -180,23 +149,20 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
         """Declare the kernel of this signature."""
-        name, parameters = signature.__name__, inspect.signature(signature).parameters
+        parameters = inspect.signature(signature).parameters
 
-        def written(variant: Variant, write: Callable[[Recorder, str, list[str]], str]) -> str:
+        def recording(variant: Variant) -> Recording:
             r = record(variant)
-            arguments = [word for word, one in parameters.items() if one.default is one.empty or r.trace.reads(word)]
-            return write(r, name, arguments)
+            return r.recording(
+                [name for name, one in parameters.items() if one.default is one.empty or r.trace.reads(name)]
+            )
 
-        return recorded(
-            lambda variant: written(variant, Recorder.source),
-            (*CALLED, VectorWriter),
-            lambda variant: written(variant, Recorder.vectors),
-        )(signature)
+        return Recorded(signature, recording)
 
     return declare
 
 
-def slope_record(variant: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
+def _slope(variant: Variant) -> Recording:
     """Compute of one arm v, and p' without the motors' part, from its constants (`layout.arm_rows`), y, p, S and C."""
     trace, size = Trace(), variant.size
     counts = {
@@ -207,11 +173,11 @@ def slope_record(variant: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
         "turn": 2,
     }
     names = [[f"{name}{n}" for n in range(count)] for name, count in counts.items()]
-    constants, known, y, p, (sin, cos) = map(trace.inputs, names)
+    constants, known, y, p, (sin, cos) = ([trace.number(name) for name in group] for group in names)
     k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
     v = dyn.solve(k, e, dyn.inertia(k, e, y, cos, sin), p)
     rate = dyn.momentum_rate(k, variant.complete, y, v, (0.0, 0.0), (cos, sin, sine_of_theta2(variant, k, y)))
-    return trace, [name for group in names for name in group], [*v, *rate]
+    return trace.recording([name for group in names for name in group], [*v, *rate])
 
 
 def sine_of_theta2(variant: Variant, k: Constants, y: Sequence[Any]) -> Any:
@@ -219,7 +185,8 @@ def sine_of_theta2(variant: Variant, k: Constants, y: Sequence[Any]) -> Any:
     return None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
 
 
-INTRINSICS = (fused, quarter_turns)
-ELEMENTARY = tuple(_elementary(inspect.unwrap(function)) for function in (sincos, exp_minus, arctan2))
-slope = RecordedFunction("slope", slope_record, (*INTRINSICS, *ELEMENTARY))
-CALLED = (*INTRINSICS, *ELEMENTARY, slope)  # what recorded kernels may call
+# What recorded kernels may call, by name.
+_FUNCTIONS: dict[str, Callable[[Variant], Recording]] = {
+    recorded_name(formula): _elementary(formula) for formula in map(inspect.unwrap, (sincos, exp_minus, arctan2))
+}
+_FUNCTIONS["slope"] = _slope

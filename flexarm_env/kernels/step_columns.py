@@ -71,7 +71,7 @@ class ColumnRecorder(Recorder):
 def column_record(variant: Variant, with_input: bool = False) -> Recorder:
     """Record the classical Runge-Kutta method of the linear system of one column, of positions and momenta."""
     r = ColumnRecorder(variant, with_input)
-    h, start = r.trace.input("h"), [*r.y, *r.other]
+    h, start = r.trace.number("h"), [*r.y, *r.other]
     stage, total = start, [0.0] * len(start)
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
         y, p = stage[: variant.size], stage[variant.size :]

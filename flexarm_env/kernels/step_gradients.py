@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
@@ -47,7 +48,7 @@ def trail_rows(size: int, steps: int) -> int:
 def stages_record(variant: Variant) -> Recorder:
     """Record a step: coordinates and rates of its stages, and its end."""
     r = Recorder(variant)
-    h, k, y, p = r.trace.input("h"), r.constants(), r.read("Y"), r.read("P")
+    h, k, y, p = r.trace.number("h"), r.constants(), r.read("Y"), r.read("P")
     stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
         v = slopes[: len(y)]
@@ -65,7 +66,7 @@ def stage_gradient_record(variant: Variant) -> Recorder:
     """Record the way back through one stage."""
     r = Recorder(variant)
     size = variant.size
-    weight, ahead = r.trace.input("weight"), r.trace.input("ahead")
+    weight, ahead = r.trace.number("weight"), r.trace.number("ahead")
     numbers, k = r.rows_of("stage", 2 * size), r.constants()
     y, v = numbers[:size], numbers[size:]
     by_rate = plus_scaled([weight * a for a in r.read("GRADIENT")], ahead, r.read("STAGE_GRADIENT"))
@@ -170,6 +171,8 @@ def run_gradients(
         weights: of the entries of the states after them. Shape (arms, 2 * size).
         gradients: receive the derivatives by states and torques. Shapes (arms, 2 * size), (arms, 2).
     """
+    arena = lane_rows(arena, variant.lanes)
+    trail = lane_rows(trail, variant.lanes)
     rows = 2 * STAGES * variant.size  # of a step
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_sizes, slope_ways
@@ -75,7 +76,7 @@ def first_stage_record(variant: Variant) -> Recorder:
 def stage_record(variant: Variant) -> Recorder:
     """Record a later stage of a step, as `step_record` computes it."""
     r = Recorder(variant)
-    ahead, weight, k, tau = r.trace.input("ahead"), r.trace.input("weight"), r.constants(), r.read("TAU")
+    ahead, weight, k, tau = r.trace.number("ahead"), r.trace.number("weight"), r.constants(), r.read("TAU")
     y = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE"))
     slopes = slopes_at(r, y, plus_scaled(r.read("P"), ahead, driven(k, r.read("FORCE_STAGE"), tau)))
     v, force = slopes[: len(y)], slopes[len(y) :]
@@ -178,6 +179,7 @@ def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: 
         steps: how many.
         states: before and after.
     """
+    arena = lane_rows(arena, variant.lanes)
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_rows(arena, row.TAU, torques, first)
@@ -210,6 +212,7 @@ def run_tangents(
         states: see `run_steps`.
         jacobians: by states, by torques, by quantities. Shapes (arms, 2 * size, columns).
     """
+    arena = lane_rows(arena, variant.lanes)
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_arms(arena, row.CHANGES, changes, first)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import lru_cache
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen import cache, compiler
+from flexarm_env.codegen.compiler import Entries
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
@@ -268,7 +268,7 @@ class HeldTorque(ABC):
                 inputs = one, other
         return Arms(leading, _rows(states, leading), inputs)
 
-    def _kernels(self, program: Program, lanes: int) -> tuple[ModuleType, Array]:
+    def _kernels(self, program: Program, lanes: int) -> tuple[Entries, Array]:
         """Load a program's kernels, and allocate their memory."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
         module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, foreshortened)
@@ -276,10 +276,10 @@ class HeldTorque(ABC):
 
 
 @lru_cache
-def _loaded(program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool) -> tuple[ModuleType, int]:
+def _loaded(program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool) -> tuple[Entries, int]:
     """Return kernels and the length of their arena; arguments as in `Variant`."""
     variant = Variant(program, modes, complete, lanes, foreshortened=foreshortened)
-    return assembly.load(variant), lanes * extent(variant.rows)
+    return compiler.load(variant), lanes * extent(variant.rows)
 
 
 def _rows(array: Array, leading: tuple[int, ...]) -> Array:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen import cache, compiler
 from flexarm_env.codegen.memory import ArraySpec, pack
 from flexarm_env.kernels.entries import CLOCK_ROWS, MEMORY, extent, word
 from flexarm_env.kernels.layout import result_sizes
@@ -142,7 +142,7 @@ class LaneBatch(ABC):
     def dispatcher(self) -> Any:
         """Return the function, not its machine code, that steps these arms."""
         entry = self._variant.program.entries(self._variant.lanes)[0]
-        return getattr(assembly.load(self._variant), entry.__name__)
+        return getattr(compiler.load(self._variant), entry.__name__)
 
     def _example(self) -> tuple[Any, ...]:
         """Return arguments of the types that the kernel takes."""

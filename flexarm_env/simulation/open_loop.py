@@ -6,13 +6,13 @@ The classical Runge-Kutta method of fourth order; states come in and go out in p
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen import cache, compiler
+from flexarm_env.codegen.compiler import Entries
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.rk4 import OPEN
@@ -47,7 +47,7 @@ class OpenLoop:
         size = 2 * modes + 2
         self._start, self._constants = start, constants
         variant = Variant(OPEN, modes, complete, lanes=1, foreshortened=constants.foreshortened)
-        self._module: ModuleType = assembly.load(variant)
+        self._module: Entries = compiler.load(variant)
         self._rows = variant.rows
         self._arena = np.zeros(extent(self._rows))
         for name, values in arm_rows(constants).items():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen import cache, compiler
+from flexarm_env.codegen.compiler import Entries
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import OUTPUTS, arm_rows, place_rows
@@ -47,7 +47,7 @@ def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: A
 
 
 @lru_cache(maxsize=64)
-def _kernels(k: Constants, tip: PointShape, sensor: PointShape) -> tuple[ModuleType, Array]:
+def _kernels(k: Constants, tip: PointShape, sensor: PointShape) -> tuple[Entries, Array]:
     """Return the kernels, and what their arena holds of the arm; arguments as in `output_jacobians`."""
     variant = Variant(OUTPUT_JACOBIANS, len(k.elbow_slopes), True, LANES, foreshortened=k.foreshortened)
     rows = variant.rows
@@ -55,4 +55,4 @@ def _kernels(k: Constants, tip: PointShape, sensor: PointShape) -> tuple[ModuleT
     for name, numbers in (arm_rows(k) | place_rows("TIP", tip) | place_rows("SENSOR_POINT", sensor)).items():
         first, count = rows[name]
         arena[first : first + count] = np.reshape(numbers, (count, 1))
-    return assembly.load(variant), arena.ravel()
+    return compiler.load(variant), arena.ravel()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,13 +9,12 @@ import gymnasium
 import numpy as np
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.codegen import assembly
-from flexarm_env.codegen.declarations import Recorded
+from flexarm_env.codegen import compiler
 from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.codegen.tracing import Recording
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.recorded import step_kernel
-from flexarm_env.kernels.recorder import CALLED
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import Kinematics
@@ -65,18 +63,17 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 
 def operations(modes: int) -> int:
     """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as written; fused ones are two."""
-    variant = Variant(OPEN, modes, True, 1)
-    recorded = [function for function in (*CALLED, step_kernel) if isinstance(function, Recorded)]
-    bodies = {function.__name__: function.formula(variant).split("\n", 1)[1] for function in recorded}
+    kernel = step_kernel.recording(Variant(OPEN, modes, True, 1))
+    each = dict.fromkeys(("add", "subtract", "multiply", "divide"), 1)
+    each |= dict.fromkeys(("multiply_add", "multiply_subtract", "multiply_subtract_from"), 2)
 
-    def count(name: str) -> int:
-        """Of a function, with those that it calls."""
-        body = bodies[name]
-        own = len(re.findall(r" [-+*/] (?![^\[]*\])", body)) + 2 * len(re.findall(r"\bfused\(", body))
-        calls = [called for called in re.findall(r"\b(\w+)\(", body) if called in bodies and called != "fused"]
-        return own + sum(map(count, calls))
+    def count(recording: Recording) -> int:
+        """Of a recording, with the functions that it calls."""
+        own = sum(each.get(operation.name, 0) for operation in recording.operations)
+        calls = [operation.what[0] for operation in recording.operations if operation.name == "call"]
+        return own + sum(count(kernel.functions[name]) for name in calls if name in kernel.functions)
 
-    return count("step_kernel")
+    return count(kernel)
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
@@ -109,7 +106,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
     flat = arenas.reshape(blocks, -1)
     torques = np.zeros((steps, blocks, 2 * lanes))
     states = np.zeros((1, blocks, 2 * arm.size * lanes))
-    run = assembly.load(variant).run_open
+    run = compiler.load(variant).run_open
     step = min(1e-3, 0.5 * arm.longest_step())
 
     def work() -> None:

@@ -15,11 +15,12 @@ from numba import njit
 from scipy import stats
 
 from flexarm_env import ArmParameters, inverse_kinematics
-from flexarm_env.codegen import assembly, elementary, random_stream
+from flexarm_env.codegen import elementary, random_stream
+from flexarm_env.codegen.compiler import Kernels
 from flexarm_env.envs.bounds import LARGEST_DEVIATE
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels.variants import Variant
-from flexarm_env.physics.inverse_kinematics import LEAST_SINE
+from flexarm_env.physics.inverse_kinematics import LEAST_SINE, joint_angles_for, joint_rates_for
 
 LENGTHS = (4.5, 3.0)
 BITS = st.integers(0, 2**64 - 1)
@@ -27,10 +28,11 @@ BITS = st.integers(0, 2**64 - 1)
 
 @pytest.fixture(scope="module")
 def compiled() -> SimpleNamespace:
-    """Compile the functions as a kernel module has them, each with a loop over arrays around it."""
-    module = assembly.load(Variant(TORQUE, 3, True, 1, "true", law_on_sensor=False, foreshortened=True, disturbed=True))
-    uniform, normal, arctan2, sincos = module.uniform, module.normal, module.arctan2, module.sincos
-    angles, rates = module.joint_angles_for, module.joint_rates_for
+    """Compile the functions as kernels have them, each with a loop over arrays around it."""
+    functions = (random_stream.uniform, random_stream.normal, elementary.arctan2, elementary.sincos)
+    uniform, normal, arctan2, sincos, angles, rates = map(
+        Kernels(Variant(TORQUE, 1, True, 1)).compiled, (*functions, joint_angles_for, joint_rates_for)
+    )
 
     @njit
     def uniforms(keys: Any, places: Any) -> Any:

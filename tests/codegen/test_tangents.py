@@ -58,14 +58,14 @@ def test_every_function_that_can_be_recorded_has_a_rule() -> None:
 
 def test_what_does_not_vary_costs_nothing() -> None:
     trace = Trace()
-    a, b = trace.inputs(["a", "b"])
+    a, b = map(trace.number, "ab")
     varies = Dual(a, {"a": 1.0})
     assert (varies + b).tangents == {"a": 1.0}
     assert (b - varies).tangents["a"] == -1.0
     assert (varies * b).tangents["a"] is b
     assert 0.0 * varies == varies * 0.0 == 0.0
     before = len(trace._operations)
-    assert value((varies * b) * 1.0) is trace.assign("{0} * {1}", a.name, b.name)
+    assert value((varies * b) * 1.0) is trace.assign("multiply", a, b)
     assert len(trace._operations) == before
 
 

@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env.codegen import assembly
+from flexarm_env.codegen import compiler
 from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Program, plain_python
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, root, where_less
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
-from flexarm_env.kernels.variants import Variant
+from flexarm_env.kernels.variants import Variant, variant
 
 
 def formula(a: Any, b: Any, h: Any) -> list[Any]:
@@ -24,7 +25,7 @@ def formula(a: Any, b: Any, h: Any) -> list[Any]:
 def record(variant: Variant) -> Recorder:
     """Record the formula on two rows."""
     r = Recorder(variant, inlining=True)
-    r.store("results", formula(*r.rows_of("rows", 2), r.trace.input("h")))
+    r.store("results", formula(*r.rows_of("rows", 2), r.trace.number("h")))
     return r
 
 
@@ -35,26 +36,19 @@ def kernel(rows: LaneRows, results: LaneRows, h: float) -> None:
 
 def run(rows: LaneRows, results: LaneRows, h: float) -> None:
     """Call it as a driver does."""
-    kernel(rows, results, h)
+    kernel(lane_rows(rows, variant.lanes), lane_rows(results, variant.lanes), h)
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 24])
 def test_a_kernel_in_vectors_is_the_formula(lanes: int) -> None:
     """Compiled and in plain Python."""
-    variant = Variant(Program("vectors", (run,)), 1, True, lanes)
+    of = Variant(Program("vectors", (run,)), 1, True, lanes)
     rows = np.random.default_rng(0).uniform(-1.0, 1.0, (2, lanes))
     rows[1] = np.abs(rows[1]) + 0.1
     expected = [np.broadcast_to(value, lanes) for value in formula(*rows, 0.7)]
     compiled, plain = np.zeros((2, len(expected), lanes))
-    assembly.load(variant).run(rows.reshape(-1), compiled.reshape(-1), 0.7)
-    with plain_python(variant):
+    compiler.load(of).run(rows, compiled, 0.7)
+    with plain_python(of):
         run(rows, plain, 0.7)
     for found in (compiled, plain):
         np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-15)  # fused sums are rounded once
-
-
-def test_the_modules_text_has_what_writes_the_vectors_without_its_documentation() -> None:
-    text = assembly.render(Variant(Program("vectors", (run,)), 1, True, 8))
-    assert "@intrinsic\ndef kernel(typing_context, rows, results, h):" in text
-    assert "class VectorWriter:\n\n    def __init__(self, context, builder, lanes, functions):" in text
-    assert "Any" not in text

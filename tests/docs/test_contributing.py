@@ -61,7 +61,7 @@ def test_a_recipe_works(recipe: Recipe, tmp_path: Path) -> None:
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=without)
     shutil.copy(ROOT / "tests/__init__.py", tmp_path / "tests")
     apply(recipe.diff, tmp_path)
-    compiled_nothing = "\nfrom flexarm_env.codegen import assembly\nassert not assembly.load.cache_info().currsize\n"
+    compiled_nothing = "\nfrom flexarm_env.codegen import compiler\nassert not compiler.load.cache_info().currsize\n"
     ours = f"\nimport flexarm_env\nassert flexarm_env.__file__.startswith({str(tmp_path)!r})\n"
     done = subprocess.run(
         [sys.executable, "-c", recipe.check + compiled_nothing + ours],

@@ -1,4 +1,4 @@
-"""Declarations of rows and drivers, and how the assembler lowers them."""
+"""Declarations of rows and drivers, and how the compiler takes them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env.codegen import assembly
-from flexarm_env.codegen.arrays import Arena
+from flexarm_env.codegen import compiler
+from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Names, Program, plain_python
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.episode import draws, reset, sensor, step, write_observation
-from flexarm_env.episode.step import TRACKING
 from flexarm_env.kernels import (
     delay_line,
     imex,
@@ -46,50 +46,63 @@ def test_what_the_law_needs_has_rows() -> None:
     assert {field.upper() for field in layout.Law._fields} <= names
 
 
-def driver_of_the_aim(arena: Arena) -> None:
+def driver_of_the_aim(memory: LaneRows) -> None:
     """Move the aim of the joint-space law."""
+    arena = lane_rows(memory, variant.lanes)
     for i in range(variant.lanes):
         arena[row.SHIFT, i] = 1.0
 
 
-def guarded_driver_of_the_aim(arena: Arena) -> None:
+def guarded_driver_of_the_aim(memory: LaneRows) -> None:
     """Move it where there is one."""
     if variant.tracking:
-        driver_of_the_aim(arena)
+        driver_of_the_aim(memory)
 
 
-def test_a_row_that_a_program_lacks_is_an_error_of_the_assembler() -> None:
+def test_a_row_that_a_program_lacks_is_an_error_unless_nothing_reads_it() -> None:
+    arena = np.zeros((50, 1))
+    bare = compiler.load(Variant(Program("bare", (driver_of_the_aim,)), 1, True, 1))
     with pytest.raises(LookupError, match=r"driver_of_the_aim: Row\.SHIFT: .*'bare'"):
-        assembly.render(Variant(Program("bare", (driver_of_the_aim,)), 1, True, 1))
-    text = assembly.render(Variant(Program("guarded", (guarded_driver_of_the_aim,)), 1, True, 1))
-    assert "driver_of_the_aim(arena)" not in text.replace("guarded_driver_of_the_aim(arena)", "")
+        bare.driver_of_the_aim(arena)
+    guarded = compiler.load(Variant(Program("guarded", (guarded_driver_of_the_aim,)), 1, True, 1))
+    guarded.guarded_driver_of_the_aim(arena)
+    assert not arena.any()
 
 
-def driver_with_a_library_function(arena: Arena) -> None:
-    """Call a function that kernel modules do not import."""
-    arena[row.Y, 0] = tan(1.0)
+def driver_with_a_library_function(x: float) -> float:
+    """Call a function that rounds as it likes."""
+    return tan(x)
 
 
-def test_a_library_function_that_kernels_do_not_import_is_refused() -> None:
+def test_an_elementary_function_of_a_library_is_refused() -> None:
     with pytest.raises(TypeError, match="tan of a library"):
-        assembly.render(Variant(Program("bare", (driver_with_a_library_function,)), 1, True, 1))
+        compiler.load(Variant(Program("bare", (driver_with_a_library_function,)), 1, True, 1))
 
 
-def guarded_loop(arena: Arena) -> None:
-    """Loop over the lanes only where the first number is positive."""
-    for i in range(variant.lanes if arena[row.SHIFT, 0] > 0.0 else 0):
-        arena[row.SHIFT + 1, i] = 1.0
+def use_rows(memory: LaneRows, found: LaneRows) -> int:
+    """Read and write rows of lanes in every way that drivers do."""
+    rows, results = lane_rows(memory, variant.lanes), lane_rows(found, variant.lanes)
+    part, one, last = rows[1:3], rows[2], variant.lanes - 1
+    for i in range(variant.lanes):
+        results[0, i] = rows[3, i] + part[0, i]
+        results[1, i] += one[i]
+    one[last] = 7
+    results[2, 0] = rows[:, last:][0, 0]
+    if variant.batch and last > 1:
+        results[2, 1] = 5.0
+    return rows.shape[0] + 100 * part.shape[0] + 10_000 * part.shape[1]
 
 
-def test_a_driver_is_lowered_to_a_flat_arena() -> None:
-    program = Program("moved", (driver_of_the_aim, guarded_loop), groups=TRACKING.groups)
-    blocks, alone = (Variant(program, 1, True, lanes) for lanes in (8, 1))
-    text, first = assembly.render(blocks), blocks.rows["SHIFT"][0]
-    assert f"for i in range(VARIANT_LANES):\n        arena[i + {8 * first}] = 1.0" in text
-    assert "VARIANT_LANES = 8" in text
-    text = assembly.render(alone)  # a loop of a single turn is what it repeats
-    assert "def driver_of_the_aim(arena):\n    arena[ROW_SHIFT] = 1.0" in text
-    assert f"if arena[ROW_SHIFT] > 0.0:\n        arena[{first + 1}] = 1.0" in text
+@pytest.mark.parametrize("lanes", [1, 3])
+def test_compiled_rows_are_arrays_of_rows_and_lanes(lanes: int) -> None:
+    of = Variant(Program("rows", (use_rows,)), 1, True, lanes)
+    memory = np.random.default_rng(0).normal(size=(4, lanes))
+    runs = [(memory.copy(), np.ones((3, lanes))) for _ in range(2)]
+    shape = compiler.load(of).use_rows(*runs[0])
+    with plain_python(of):
+        assert use_rows(*runs[1]) == shape
+    for found, expected in zip(*runs, strict=True):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_drivers_need_a_variant() -> None:

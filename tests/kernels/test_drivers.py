@@ -26,7 +26,6 @@ from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
 from tests.support.plain import run_plainly
-from tests.support.quick import run_as_usual
 
 LANES = 3
 ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
@@ -212,22 +211,3 @@ def test_environments_run_in_plain_python_as_compiled(
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
         compiled.step()
         plain.step()
-
-
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
-def test_what_python_runs_sooner_has_the_same_bits(env_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Recorded kernels on Python's own numbers beside those on numpy's; the last arm's angles are not numbers."""
-    settings = settings_of(env_id, noise=0.01)
-    usual, quick = BatchSimulator(settings, 2), BatchSimulator(settings, 2)
-    run_plainly(monkeypatch)
-    for simulator in (quick, usual):
-        if simulator is usual:
-            run_as_usual(monkeypatch)
-        simulator.start(np.arange(2, dtype=np.uint64), np.arange(2), simulator.usual_requests)
-        simulator.actions[:] = 0.5
-        simulator.step()
-        simulator._arenas[0, simulator._rows["Y"][0], 1] = np.nan
-        simulator.step()
-    np.testing.assert_array_equal(quick.results, usual.results)
-    np.testing.assert_array_equal(quick.observations, usual.observations)
-    assert np.isfinite(quick.results[:, 0]).any()

@@ -2,21 +2,20 @@
 
 import platform
 import re
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from flexarm_env import FlexibleArm
-from flexarm_env.codegen import assembly, cache
-from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen import cache, compiler
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
+from flexarm_env.codegen.plain import python_kernel
+from flexarm_env.episode.step import GAIN
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
@@ -25,8 +24,8 @@ from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import elimination
-from tests.support.interpreted import interpreted, rounded_once
 from tests.support.lagrange import loaded_arm, random_state
+from tests.support.rounding import rounded_once
 
 LANES = 8
 # modes, complete velocity forces, kinematics
@@ -57,8 +56,8 @@ class Batch:
         self.y, self.v = np.split(np.array(internal).T.copy(), 2)  # Shape (size, count)
         self.tau = rng.normal(size=(2, count)) * 10.0
 
-    def module(self, lanes: int) -> ModuleType:
-        return assembly.load(self.variant(lanes))
+    def module(self, lanes: int) -> SimpleNamespace:
+        return compiler.load(self.variant(lanes))
 
     def variant(self, lanes: int) -> Variant:
         return Variant(OPEN, self.modes, self.complete, lanes, foreshortened=self.foreshortened)
@@ -139,27 +138,27 @@ def batch(request: pytest.FixtureRequest) -> Batch:
 
 
 @pytest.mark.parametrize("lanes", [1, LANES])
-def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -> None:
-    """The compiler reorders, contracts and replaces nothing; what the text fuses is rounded once."""
+def test_a_compiled_step_is_its_recording_to_the_last_bit(batch: Batch, lanes: int) -> None:
+    """The compiler reorders, contracts and replaces nothing; what the recording fuses is rounded once."""
     arenas, expected = batch.arenas(lanes), batch.arenas(1)
     for arena in arenas:
         batch.step_once(lanes, arena, 1e-3)
-    begin, step = (interpreted(batch.variant(1), kernel, rounded_once) for kernel in (momentum_kernel, step_kernel))
+    kernels = (kernel.recording(batch.variant(1)) for kernel in (momentum_kernel, step_kernel))
+    begin, step = (python_kernel(kernel, 1, rounded_once) for kernel in kernels)
     for arena in expected:
-        begin(arena)
-        step(arena, 1e-3)
+        begin(arena[:, None])
+        step(arena[:, None], 1e-3)
     for name in ("Y", "V", "P", "FORCE"):
         np.testing.assert_array_equal(batch.part(arenas, lanes, name), batch.part(expected, 1, name))
 
 
-def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
+def test_the_recording_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
     """The recorder reorders and replaces nothing; here what it fuses is rounded twice, as in the formulas."""
     h, arenas = 1e-3, batch.arenas(1)
-    kernels = (momentum_kernel, step_kernel)
-    begin, step = (interpreted(batch.variant(1), kernel, lambda a, b, c: a * b + c) for kernel in kernels)
+    begin, step = (python_kernel(kernel.recording(batch.variant(1)), 1) for kernel in (momentum_kernel, step_kernel))
     for arena in arenas:
-        begin(arena)
-        step(arena, h)
+        begin(arena[:, None])
+        step(arena[:, None], h)
     start = np.array([batch.y, batch.momenta_by_numpy()])
     y, v, slopes = batch.y, batch.v, []
     for ahead in (0.5 * h, 0.5 * h, h, None):  # the way to the next stage of the classical Runge-Kutta method
@@ -171,15 +170,6 @@ def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Bat
     y, p = start + h / 6.0 * (a + (b + b) + (c + c) + d)
     for name, end in (("Y", y), ("P", p), ("V", batch.velocity_by_numpy(y, p))):
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
-
-
-@pytest.mark.parametrize("program", [TORQUE, TRACKING, GAIN], ids=str)
-def test_functions_that_are_inlined_in_their_callers_have_one_caller(program: Program) -> None:
-    text = assembly.render(Variant(program, 2, True, 1))
-    inlined = re.findall(r"^@njit\(inline='always'[^\n]*\ndef (\w+)\(", text, re.MULTILINE)
-    assert {program.parts["drive"].__name__, "update_measurements", "observe", "step_block"} <= set(inlined)
-    for name in inlined:
-        assert len(re.findall(rf"\b{name}\(", text)) == 2, name  # its definition, and one call
 
 
 def test_slopes_are_the_arms_accelerations() -> None:
@@ -272,9 +262,7 @@ def test_batch_kernels_work_on_several_lanes_at_once(
     if machine not in MACHINES:
         pytest.skip(f"no pattern of vector instructions for {machine}")
     monkeypatch.setenv("FLEXARM_CACHE_DIR", str(tmp_path))  # what comes from a cache has no assembly to show
-    monkeypatch.delitem(sys.modules, assembly.load(variant).__name__)
-    assembly.load.cache_clear()
-    module = assembly.load(variant)
+    module = compiler.load.__wrapped__(variant)
     entry = getattr(module, variant.program.entries(variant.lanes)[0].__name__)
     assert not entry.targetoptions.get("fastmath")
     arrays = [np.zeros((1,) * axes) for axes in (2, 3, 3)]

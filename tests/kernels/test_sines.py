@@ -6,13 +6,15 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexarm_env.codegen import assembly
+from flexarm_env.codegen import compiler
 from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.plain import python_kernel
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
-from flexarm_env.kernels.variants import Variant
-from tests.support.interpreted import interpreted, rounded_once
+from flexarm_env.kernels.variants import Variant, variant
+from tests.support.rounding import rounded_once
 
 LANES = 8
 
@@ -31,7 +33,7 @@ def sines_kernel(angles: LaneRows, results: LaneRows) -> None:
 
 def sines_of(angles: LaneRows, results: LaneRows) -> None:
     """Call it as a driver does."""
-    sines_kernel(angles, results)
+    sines_kernel(lane_rows(angles, variant.lanes), lane_rows(results, variant.lanes))
 
 
 SINES = Program("sines", (sines_of,))
@@ -77,16 +79,16 @@ def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ANGLES)
-def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
+def test_a_compiled_sine_is_its_recording_to_the_last_bit(name: str) -> None:
     """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
     angles = np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], np.zeros(6)])
     for lanes in (1, LANES):
-        variant = Variant(SINES, 1, True, lanes)
-        text = interpreted(variant, sines_kernel, rounded_once)
-        for block in angles.reshape(-1, lanes):
-            found, expected = np.zeros((2, 2 * lanes))
-            assembly.load(variant).sines_of(block, found)
-            text(block, expected)
+        of = Variant(SINES, 1, True, lanes)
+        recorded = python_kernel(sines_kernel.recording(of), lanes, rounded_once)
+        for block in angles.reshape(-1, 1, lanes):
+            found, expected = np.zeros((2, 2, lanes))
+            compiler.load(of).sines_of(block, found)
+            recorded(block, expected)
             assert found.tobytes() == expected.tobytes()  # 0 and -0 are not the same
 
 

@@ -15,14 +15,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen import cache, compiler
 from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
 from flexarm_env.kernels.entries import word
 from flexarm_env.kernels.variants import Variant
-from tests.support.quick import run_quickly
 
 
 def is_shared(variant: AnyVariant) -> bool:
@@ -39,7 +38,7 @@ def run_plainly(
         monkeypatch: undoes it.
         compiled: whether a variant is compiled all the same.
     """
-    load, compiled_entry = assembly.load, cache.compiled_entry
+    load, compiled_entry = compiler.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
         if variant.program not in _EPISODES or compiled(variant):
@@ -50,9 +49,8 @@ def run_plainly(
     def plain_entry(kernel: Any, *arguments: Any) -> Any:
         return kernel if isinstance(kernel, _PlainEntry) else compiled_entry(kernel, *arguments)
 
-    monkeypatch.setattr(assembly, "load", load_plain)
+    monkeypatch.setattr(compiler, "load", load_plain)
     monkeypatch.setattr(cache, "compiled_entry", plain_entry)
-    run_quickly(monkeypatch)
 
 
 def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,171 @@
+"""Compiles the drivers of a variant as they stand; `cache` keeps what numba makes of them.
+
+A variant fixes what is constant for the compiler: program, modes, velocity forces, sensor model, lanes of a block
+(`variants`). Each function that a driver names is replaced by what numba takes for it (`Kernels.compiled`), and each
+number of the variant by a constant (`pipelines`). The kernels are identified by a hash of all that they are made from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
+from math import log, sqrt
+from types import BuiltinFunctionType, CodeType, FunctionType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
+
+from flexarm_env.codegen import pipelines, rows, vectors
+from flexarm_env.codegen.cache import KernelFolder, check_compiler, keep
+from flexarm_env.codegen.declarations import (
+    AnyVariant,
+    Chosen,
+    Intrinsic,
+    Names,
+    PresentVariant,
+    Recorded,
+    plain_python,
+)
+from flexarm_env.codegen.scalars import COMPILED
+
+# Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
+# drops the checks for division by zero, which would keep the compiler from vectorising.
+_STRICT = {"error_model": "numpy", "boundscheck": False, "no_cfunc_wrapper": True}
+Entries = SimpleNamespace
+_LIBRARY = (sqrt, log, np.floor)  # all other elementary functions are our own (`elementary`)
+
+
+class Kernels:
+    """The functions of a variant, as numba takes them; it compiles one when it is first called."""
+
+    def __init__(self, variant: AnyVariant) -> None:
+        """Begin with none."""
+        self.variant = variant
+        self._entries = variant.program.entries(variant.lanes)
+        self._made: dict[Any, Any] = {}
+        self._entry_compiler, self._part_compiler = pipelines.compilers(variant, self.compiled)
+
+    def compiled(self, value: Any) -> Any:
+        """Return what numba takes for a global of a driver."""
+        value = self._chosen(value)
+        if not isinstance(value, FunctionType | Intrinsic | Recorded):
+            return value
+        if value not in self._made:
+            self._made[value] = self._make(value)
+        return self._made[value]
+
+    def _chosen(self, value: Any) -> Any:
+        """Return the function that stands for another one in this variant."""
+        if isinstance(value, Chosen):
+            return self.variant.program.parts[value.__name__]
+        return COMPILED.get(value, value) if isinstance(value, FunctionType) else value
+
+    def _make(self, function: Any) -> Any:
+        if isinstance(function, FunctionType):
+            compiler = self._entry_compiler if self._is_entry(function) else self._part_compiler
+            return njit(inspect.unwrap(function), pipeline_class=compiler, **self._options(function))
+        if isinstance(function, Recorded):
+            made = vectors.vector_kernel(function.__name__, self.variant.lanes, function.recording(self.variant))
+        else:
+            made = intrinsic(prefer_literal=True)(function.code)
+        cpu_target.typing_context.refresh()
+        return made
+
+    def _is_entry(self, function: Any) -> bool:
+        return function in self._entries or not self.variant.program.closed
+
+    def _options(self, function: FunctionType) -> dict[str, Any]:
+        options: dict[str, Any] = {"nogil": True, **_STRICT}
+        marks = vars(function)
+        if marks.get("per_lane") and self.variant.lanes > 1:
+            options["forceinline"] = True
+        if self.variant.program.closed:
+            # Nothing allocates: counting references to arrays, atomically for each lane, takes time.
+            options["_nrt"] = False
+            if not self._is_entry(function):  # a wrapper would take time
+                options["no_cpython_wrapper"] = True
+            elif self.variant.lanes == 1:  # a step is so short that releasing the interpreter's lock would count
+                del options["nogil"]
+        return options
+
+    # --- identity -----------------------------------------------------------------------------------------------------
+
+    def identity(self) -> str:
+        """Hash all that the kernels are made from: bytecode of drivers, recordings, constants, and this compiler."""
+        digest, seen = hashlib.sha256(_own_source()), set()
+        waiting: list[Any] = list(self._entries)
+        while waiting:
+            function = waiting.pop()
+            if function in seen:
+                continue
+            seen.add(function)
+            if isinstance(function, Recorded):
+                digest.update(self._recorded(function).encode())
+                continue
+            plain = inspect.unwrap(function.code if isinstance(function, Intrinsic) else function)
+            options = self._options(function) if isinstance(function, FunctionType) else None
+            digest.update(repr((plain.__qualname__, options, plain.__defaults__)).encode())
+            for code in _codes(plain.__code__):
+                constants = [one for one in code.co_consts if not isinstance(one, CodeType)]
+                digest.update(repr((code.co_code, constants, code.co_names, code.co_varnames)).encode())
+                for name in code.co_names:
+                    value = self._chosen(plain.__globals__.get(name))
+                    if isinstance(value, FunctionType | Intrinsic | Recorded):
+                        waiting.append(value)
+                    else:
+                        digest.update(self._constant(plain, name, value, code).encode())
+        return digest.hexdigest()[:16]
+
+    def _recorded(self, kernel: Recorded[..., Any]) -> str:
+        try:
+            return repr(kernel.recording(self.variant))
+        except LookupError:  # a branch that this variant leaves out calls it
+            return f"no {kernel.__name__}"
+
+    def _constant(self, function: FunctionType, name: str, value: Any, code: CodeType) -> str:
+        """Describe a global that is no function."""
+        if isinstance(value, Names):
+            return repr(value.layout(value.shape()))
+        if isinstance(value, PresentVariant):
+            return repr([getattr(value, one, None) for one in code.co_names])
+        if isinstance(value, int | float | tuple):
+            return repr(value)
+        if isinstance(value, BuiltinFunctionType | np.ufunc) and value not in _LIBRARY:
+            raise TypeError(
+                f"{function.__qualname__}: {name} of a library: kernels do not call it (`compiler._LIBRARY`)"
+            )
+        return name
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Return the code of a function and of those within it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+@cache
+def _own_source() -> bytes:
+    modules = (pipelines, rows, vectors, inspect.getmodule(Kernels))
+    return "".join(inspect.getsource(module) for module in modules if module is not None).encode()
+
+
+@lru_cache
+def load(variant: AnyVariant) -> Entries:
+    """Return the entry points of a variant by name; they are compiled, or found on disk, when they are first called."""
+    check_compiler()
+    kernels = Kernels(variant)
+    with plain_python(variant):
+        name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity()}"
+    folder = KernelFolder(name, variant.words)
+    entries: dict[str, Callable[..., Any]] = {}
+    for entry in variant.program.entries(variant.lanes):
+        entries[entry.__name__] = kernels.compiled(entry)
+        keep(entries[entry.__name__], folder)
+    return Entries(**entries)

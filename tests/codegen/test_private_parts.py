@@ -1,0 +1,104 @@
+"""What the compiler uses of numba and llvmlite that these do not promise: a release that lacks it fails here."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+import flexarm_env
+from flexarm_env.codegen import compiler
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.variants import Variant
+
+PROMISED = {"numba", "numba.extending", "llvmlite"}  # modules with documented interfaces; `llvmlite.ir` is one too
+# What is used of other modules, with the parameters of what is called or overridden.
+PRIVATE: dict[str, dict[str, str]] = {
+    "numba._dynfunc": {"make_function": ""},
+    "numba.core": {"ir": "", "typed_passes": "", "types": "", "untyped_passes": ""},
+    "numba.core.caching": {"NullCache": ""},
+    "numba.core.codegen": {"JITCodeLibrary": "codegen name"},
+    "numba.core.compiler": {"CompileResult": "", "CompilerBase": ""},
+    "numba.core.compiler_machinery": {"FunctionPass": "", "PassManager": "pipeline_name", "register_pass": ""},
+    "numba.core.ir_utils": {"build_definitions": "blocks definitions"},
+    "numba.core.registry": {"cpu_target": ""},
+    "numba.core.runtime.nrt": {"rtsys": ""},
+    "numba.core.serialize": {"dumps": "obj"},
+    "numba.core.typing.templates": {
+        "AbstractTemplate": "",
+        "AttributeTemplate": "",
+        "infer_getattr": "",
+        "infer_global": "",
+        "signature": "",
+    },
+    "numba.np.arrayobj": {"populate_array": "array data shape strides itemsize meminfo parent"},
+}
+# Attributes of these, by "module:object".
+ATTRIBUTES = {
+    "numba.core.untyped_passes:": "TranslateByteCode FixupArgs IRProcessing GenericRewrites ReconstructSSA",
+    "numba.core.typed_passes:": (
+        "NopythonTypeInference PreLowerStripPhis IRLegalization AnnotateTypes NativeLowering NoPythonBackend"
+    ),
+    "numba.core.ir:": "Assign Branch Const Expr FreeVar Global Jump",
+    "numba.core.codegen:JITCodeLibrary": "finalize _get_module_for_linking",
+    "numba.core.compiler:CompileResult": "_reduce _rebuild",
+    "numba.core.compiler:_LowerResult": "_replace cfunc env fndesc",
+    "numba.core.compiler_machinery:PassManager": "add_pass finalize",
+    "numba.core.registry:cpu_target": "typing_context",
+    "numba.core.runtime.nrt:rtsys": "initialize library",
+    "numba.core.caching:NullCache": "cache_path load_overload save_overload",
+}
+
+
+def used() -> dict[str, set[str]]:
+    """Return what the package imports of modules of numba and llvmlite that are not promised."""
+    found: dict[str, set[str]] = {}
+    for path in Path(flexarm_env.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ("numba", "llvmlite"):
+                for name in node.names:
+                    private = node.module not in PROMISED or name.name.startswith("_")
+                    module = f"{node.module}.{name.name}" if name.name.startswith("_") else str(node.module)
+                    if private:
+                        found.setdefault(module, set()).add(name.name)
+    return found
+
+
+def test_all_that_is_used_is_named_here() -> None:
+    named = {module: set(names) for module, names in PRIVATE.items()}
+    named["numba._dynfunc"] = {"_dynfunc"}
+    assert used() == named
+
+
+@pytest.mark.parametrize("module", PRIVATE)
+def test_what_is_used_is_there_with_its_parameters(module: str) -> None:
+    for name, parameters in PRIVATE[module].items():
+        one = getattr(importlib.import_module(module), name)
+        if parameters:
+            assert " ".join(inspect.signature(one).parameters) == parameters, name
+
+
+@pytest.mark.parametrize("place", ATTRIBUTES)
+def test_attributes_that_are_used_are_there(place: str) -> None:
+    module, name = place.split(":")
+    owner: Any = importlib.import_module(module)
+    owner = getattr(owner, name) if name else owner
+    assert set(ATTRIBUTES[place].split()) <= set(dir(owner))
+
+
+def test_a_compiled_kernel_has_what_the_cache_reads() -> None:
+    kernel: Any = compiler.load(Variant(OPEN, 1, True, 1)).find_momenta
+    arena = np.zeros(sum(count for _, count in Variant(OPEN, 1, True, 1).rows.values()))
+    kernel(arena)
+    (signature,) = kernel.overloads
+    assert signature == (numba.typeof(arena),)
+    assert kernel._cache.is_kept(signature)
+    assert len(kernel.targetctx.codegen().magic_tuple()) == 3
+    library = kernel.overloads[signature].library
+    assert {"_linking_libraries", "_final_module", "_finalized"} <= set(vars(library))
