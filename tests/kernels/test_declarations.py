@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 from math import tan
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,20 +11,7 @@ from flexarm_env.codegen import compiler
 from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Names, Program, plain_python
 from flexarm_env.codegen.rows import lane_rows
-from flexarm_env.episode import draws, reset, sensor, step, write_observation
-from flexarm_env.kernels import (
-    delay_line,
-    imex,
-    law,
-    layout,
-    loop,
-    output_jacobians,
-    period,
-    reference,
-    states,
-    step_jacobians,
-)
-from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.layout import Law, Row, row
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
@@ -42,8 +26,8 @@ def test_each_place_says_what_it_is_and_in_which_unit(table: type[Names]) -> Non
 
 
 def test_what_the_law_needs_has_rows() -> None:
-    names = {part.name for part in layout.Row.entries}
-    assert {field.upper() for field in layout.Law._fields} <= names
+    names = {part.name for part in Row.entries}
+    assert {field.upper() for field in Law._fields} <= names
 
 
 def driver_of_the_aim(memory: LaneRows) -> None:
@@ -110,30 +94,3 @@ def test_drivers_need_a_variant() -> None:
         driver_of_the_aim(np.zeros((50, 1)))
     with plain_python(Variant(OPEN, 1, True, 1)), pytest.raises(LookupError, match=r"Row\.SHIFT: .*'open'"):
         driver_of_the_aim(np.zeros((50, 1)))
-
-
-DRIVERS = [
-    delay_line,
-    imex,
-    law,
-    loop,
-    period,
-    reference,
-    states,
-    output_jacobians,
-    step_jacobians,
-    sensor,
-    draws,
-    reset,
-    write_observation,
-    step,
-]
-
-
-@pytest.mark.parametrize("module", DRIVERS, ids=lambda module: module.__name__)
-def test_drivers_have_types(module: Any) -> None:
-    """No parameter of a driver is anything."""
-    for function in (node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.FunctionDef)):
-        for argument in function.args.args:
-            assert argument.annotation is not None, function.name
-            assert ast.unparse(argument.annotation) != "Any", f"{function.name}({argument.arg})"
