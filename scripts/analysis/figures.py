@@ -1,16 +1,16 @@
-"""Pictures of the analysis, drawn from its results: PNG for reading, SVG for print."""
+"""Pictures of the analysis, drawn from its results."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from scripts.analysis.margins import GAINS, SENSORS
-from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, label_ends, save
+from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, label_ends
 
 COLORS = {"IFDC": INK, "FLSAC, largest": ORANGE, "FLSAC, smallest": BLUE}
 EXACT = "0.6"
@@ -37,8 +37,9 @@ LABELS = {"position": "position late", "position+rate": "position and rate late"
 PLACES = {"end effector": "at the tip", "collocated, one delay": "at the joints"}
 
 
-def zeros_locus(folder: Path, locus: dict[str, Any]) -> None:
-    """Magnitude of every zero against the sensor's position, a panel for each arm."""
+def zeros_locus(results: dict[str, Any]) -> Figure:
+    """Draw the magnitude of every zero against the sensor's position, a panel for each arm."""
+    locus = results["zeros"]["locus"]
     models = [name for name in locus if name not in ("positions", "exact beam", "exact link 1")]
     s = np.array(locus["positions"])
     lines = -(-len(models) // 2)
@@ -72,7 +73,7 @@ def zeros_locus(folder: Path, locus: dict[str, Any]) -> None:
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2, markerscale=3)
     headline(figure, "Zeros from the motors to a sensor on link 2, by where the sensor is")
-    save(figure, folder, "zeros_locus")
+    return figure
 
 
 def _kind(zero: complex) -> str:
@@ -84,8 +85,9 @@ def _kind(zero: complex) -> str:
     return f"{'right' if zero.real > 0.0 else 'left'} of the axis, {shape}"
 
 
-def passivity(folder: Path, results: dict[str, Any]) -> None:
-    """Above: positive realness over frequency. Below: the law's own damping when its readings are late."""
+def passivity(results: dict[str, Any]) -> Figure:
+    """Draw positive realness over frequency, and the law's own damping when its readings are late."""
+    results = results["passivity"]
     figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.0))
     omega = np.array(results["omega"])
     slow = (omega >= 1.0) & (omega <= FASTEST)
@@ -101,7 +103,7 @@ def passivity(folder: Path, results: dict[str, Any]) -> None:
     above.set_title(f"Positive real above 0: least of {results['poses']} poses, linear arm")
     _law_damping(below, results["law"])
     label_ends(above, [*PATHS.values()], ends)
-    save(figure, folder, "passivity")
+    return figure
 
 
 def _law_damping(axis: Axes, law: dict[str, Any]) -> None:
@@ -122,8 +124,10 @@ def _law_damping(axis: Axes, law: dict[str, Any]) -> None:
     label_ends(axis, [*names.values()], [law[delayed][np.flatnonzero(slow)[-1]] for delayed in names])
 
 
-def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any]], rows: list[dict[str, Any]]) -> None:
-    """Delay margins along a side, with the paper's delay and where the simulation diverges, on one scale."""
+def margins(results: dict[str, Any]) -> Figure:
+    """Draw delay margins along a side, with the paper's delay and where the simulation diverges, on one scale."""
+    profile, rows = results["linear"]["profile"], results["linear"]["rows"]
+    simulated = [one for name, one in results.items() if name != "linear"]
     figure, axes = plt.subplots(1, len(SENSORS), figsize=(WIDTH, 5.8), sharex=True, sharey=True)
     side = profile["side"]
     arc = np.array(profile["arc"])
@@ -152,7 +156,7 @@ def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2)
     headline(figure, "Delays from which on the paper's loop is unstable")
-    save(figure, folder, "margins")
+    return figure
 
 
 def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from flexarm_baselines import paper_system
 from flexarm_env import ArmParameters, FlexibleArm, SensorParameters, SquareParameters, square
 from flexarm_env.analysis import LawLoop, delay_margin, gain_margin, law_loop, stable_gains
 from flexarm_env.physics.damping import unit_damping
@@ -24,40 +24,41 @@ PLACES = {"corner": (-6.3, -6.3), "mid-side": (-6.3, 0.0)}
 TIP_DAMPING = (0.01, 0.03)
 
 
-def fuzzy_extremes() -> tuple[float, float]:
-    """Smallest and largest gain that the paper's fuzzy system can infer."""
-    grid = np.stack(np.meshgrid(np.linspace(-5, 5, 41), np.linspace(-5, 5, 41)), axis=-1).reshape(-1, 2)
-    inferred = paper_system().evaluate(grid)
-    return float(inferred.min()), float(inferred.max())
-
-
 def loop(arm: FlexibleArm, place: Any, sensor: str, delayed: str, gain: float) -> LawLoop:
     """Linearise the loop of one case."""
     return law_loop(arm, place, SensorParameters(delayed=delayed, **SENSORS[sensor]), gain)  # type: ignore[arg-type]
 
 
-def rows(arms: Iterable[str], controllers: Sequence[str], tick: Callable[[], Any]) -> list[dict[str, Any]]:
-    """Gain and delay margins of every case on a corner and in the middle of a side.
+def study() -> dict[str, Any]:
+    """Find all that the linear theory says of margins."""
+    found = rows(ARMS, tuple(GAINS))
+    return {
+        "rows": found,
+        "room": room(found),
+        "by_modes": by_modes((1, 2, 3, 4)),
+        "profile": profile(9, tuple(GAINS)),
+        "largest_gains": largest_gains(ARMS, (1, 2)),
+    }
+
+
+def rows(arms: Iterable[str], controllers: Sequence[str]) -> list[dict[str, Any]]:
+    """Find gain and delay margins of every case on a corner and in the middle of a side.
 
     Args:
         arms: some of `ARMS`.
         controllers: some of `GAINS`.
-        tick: called after each group.
     """
-    found = []
-    for title in arms:
-        arm = FlexibleArm(ARMS[title])
-        for sensor in SENSORS:
-            for delayed in DELAYED:
-                for name in controllers:
-                    gain = GAINS[name]
-                    row: dict[str, Any] = {"arm": title, "sensor": sensor, "delayed": delayed, "controller": name}
-                    row["gain"] = gain
-                    for place, at in PLACES.items():
-                        row[place] = margins(loop(arm, at, sensor, delayed, gain))
-                    found.append(row)
-                tick()
-    return found
+    return [
+        row(FlexibleArm(ARMS[title]), sensor, delayed, name) | {"arm": title}
+        for title, sensor, delayed, name in product(arms, SENSORS, DELAYED, controllers)
+    ]
+
+
+def row(arm: FlexibleArm, sensor: str, delayed: str, controller: str) -> dict[str, Any]:
+    """Find the margins of one case; `controller` is a name in `GAINS`."""
+    gain = GAINS[controller]
+    found: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": controller, "gain": gain}
+    return found | {place: margins(loop(arm, at, sensor, delayed, gain)) for place, at in PLACES.items()}
 
 
 def margins(case: LawLoop) -> dict[str, Any]:
@@ -101,13 +102,12 @@ def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [dict(zip(keys, case, strict=True)) | {"least": min(r), "most": max(r)} for case, r in ratios.items()]
 
 
-def profile(points: int, controllers: Sequence[str], tick: Callable[[], Any]) -> dict[str, Any]:
+def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
     """Delay margins of the paper's arm along the first side; the other sides repeat it, and it is its own mirror image.
 
     Args:
         points: on half a side.
         controllers: some of `GAINS`.
-        tick: called after each curve.
     """
     path = square(SquareParameters())
     arm = FlexibleArm(ArmParameters.paper())
@@ -119,7 +119,6 @@ def profile(points: int, controllers: Sequence[str], tick: Callable[[], Any]) ->
             for name in controllers:
                 values = [delay_margin(loop(arm, place, sensor, delayed, GAINS[name])).delay for place in at]
                 curves.append({"sensor": sensor, "delayed": delayed, "controller": name, "margin": values})
-            tick()
     side = SquareParameters().side
     return {"arc": (shares * side).tolist(), "side": side, "curves": curves}
 

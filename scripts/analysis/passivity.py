@@ -54,11 +54,16 @@ def random_poses(arm: FlexibleArm, count: int) -> list[OperatingPoint]:
     return poses
 
 
-def study(quick: bool) -> dict[str, Any]:
-    """Smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path."""
+def study(frequencies: int = 400, count: int = 60) -> dict[str, Any]:
+    """Find the smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path.
+
+    Args:
+        frequencies: how many.
+        count: of poses.
+    """
     arm = FlexibleArm(ArmParameters.linear())
-    omega = np.geomspace(0.1, 1000.0, 100 if quick else 400)
-    poses = random_poses(arm, 3 if quick else 60)
+    omega = np.geomspace(0.1, 1000.0, frequencies)
+    poses = random_poses(arm, count)
     curves: dict[str, list[float]] = {}
     rows = []
     for name, path in paths().items():

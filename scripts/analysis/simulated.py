@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis.law_loop import rest_angles
-from scripts.analysis.margins import DELAYED, GAINS, PLACES, SENSORS
+from scripts.analysis.margins import GAINS, PLACES, SENSORS, row
 
 Array = NDArray[np.float64]
 
@@ -105,28 +105,20 @@ def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | N
     return diverges
 
 
-def study(rows: list[dict[str, Any]], quick: bool, tick: Callable[[], Any]) -> list[dict[str, Any]]:
-    """Diverging delays of the paper's arm for every case of `margins.rows`.
+def delays(sensor: str, delayed: str, controller: str) -> dict[str, Any]:
+    """Find the delays from which on the paper's arm diverges in one case.
 
     Args:
-        rows: the linear margins; of the paper's arm.
-        quick: only one case, coarsely.
-        tick: called after each case.
+        sensor: a name in `SENSORS`.
+        delayed: one of `DELAYED`.
+        controller: a name in `GAINS`.
     """
-    found = []
-    wanted = [r for r in rows if r["arm"] == "paper's arm" and r["sensor"] in list(SENSORS)[:2]]
-    for row in wanted[:1] if quick else wanted:
-        sensor, delayed, gain = row["sensor"], row["delayed"], GAINS[row["controller"]]
-        assert delayed in DELAYED
-        result: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": row["controller"]}
-        for place, at in PLACES.items():
-            linear = row[place]["delay_margin"]
-            test = held_diverges(sensor, delayed, gain, at, step(linear, row[place]["omega"]))
-            result[place] = bisect(test, 0.6 * linear, 1.6 * linear, 1 if quick else 2)
-        if not quick:
-            linear = row["corner"]["delay_margin"]
-            test = lap_diverges(sensor, delayed, gain, step(linear, row["corner"]["omega"]))
-            result["lap"] = bisect(test, 0.5 * linear, 4.0 * linear, 2)
-        found.append(result)
-        tick()
-    return found
+    linear, gain = row(FlexibleArm(ArmParameters.paper()), sensor, delayed, controller), GAINS[controller]
+    found: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": controller}
+    for place, at in PLACES.items():
+        margin = linear[place]["delay_margin"]
+        test = held_diverges(sensor, delayed, gain, at, step(margin, linear[place]["omega"]))
+        found[place] = bisect(test, 0.6 * margin, 1.6 * margin, 2)
+    margin = linear["corner"]["delay_margin"]
+    test = lap_diverges(sensor, delayed, gain, step(margin, linear["corner"]["omega"]))
+    return found | {"lap": bisect(test, 0.5 * margin, 4.0 * margin, 2)}

@@ -6,9 +6,12 @@ from typing import Any
 
 from scripts.common.markdown import table
 
+Results = dict[str, Any]  # of a study's trials, by their labels
 
-def zeros_by_model(rows: list[dict[str, Any]]) -> str:
-    """Write the slowest right-half-plane zero and the bandwidth limit that follows."""
+
+def zeros_by_model(results: Results) -> str:
+    """Tabulate the slowest right-half-plane zero and the bandwidth limit that follows."""
+    rows = results["zeros"]["by_model"]
     head = [
         "arm",
         "right-half-plane zero [rad/s]",
@@ -31,8 +34,9 @@ def zeros_by_model(rows: list[dict[str, Any]]) -> str:
     return table(head, body)
 
 
-def passivity(rows: list[dict[str, Any]]) -> str:
-    """Positive real or not."""
+def passivity(results: Results) -> str:
+    """Tabulate which paths are positive real."""
+    rows = results["passivity"]["rows"]
     body = [
         [
             r["path"],
@@ -52,9 +56,9 @@ def _time(seconds: float | None) -> str:
     return f"{1e3 * seconds:.1f}" if seconds > 0.02 else f"{1e3 * seconds:.3g}"
 
 
-def margins(rows: list[dict[str, Any]], room: list[dict[str, Any]]) -> str:
-    """Write the delay margins of all gains of a loop in one row, and how much of them the loop's own delay takes."""
-    keys = ("arm", "sensor", "delayed")
+def margins(results: Results) -> str:
+    """Tabulate the delay margins of all gains of a loop in one row, and how much of them the loop's own delay takes."""
+    rows, room, keys = results["linear"]["rows"], results["linear"]["room"], ("arm", "sensor", "delayed")
 
     def ratio(row: dict[str, Any]) -> str:
         if row["least"] > 1.0:
@@ -72,8 +76,9 @@ def margins(rows: list[dict[str, Any]], room: list[dict[str, Any]]) -> str:
     return table([*head, "margin over delay"], body)
 
 
-def margins_claim(rows: list[dict[str, Any]]) -> str:
+def margins_claim(results: Results) -> str:
     """Write the claim about margins as a paragraph."""
+    rows = results["linear"]["room"]
     late = {delayed: [r for r in rows if r["delayed"] == delayed] for delayed in ("position", "position+rate")}
     assert all(r["least"] > 1.0 for r in late["position"]), "stable with late positions"
     assert all(r["most"] < 1.0 for r in late["position+rate"]), "unstable with late rates"
@@ -94,14 +99,17 @@ def margins_claim(rows: list[dict[str, Any]]) -> str:
     )
 
 
-def margins_by_modes(rows: list[dict[str, Any]]) -> str:
+def margins_by_modes(results: Results) -> str:
     """Tabulate what late rates leave with more modes."""
+    rows = results["linear"]["by_modes"]
     body = [[str(r["modes"]), _time(r["corner"]), _time(r["mid-side"])] for r in rows]
     return table(["modes a link", "delay margin, corner [ms]", "delay margin, mid-side [ms]"], body)
 
 
-def simulated(rows: list[dict[str, Any]], linear: list[dict[str, Any]]) -> str:
-    """Delays from which on the simulated loop diverges, beside the linear margins."""
+def simulated(results: Results) -> str:
+    """Tabulate the delays from which on the simulated loop diverges, beside the linear margins."""
+    linear = results["linear"]["rows"]
+    rows = [one for name, one in results.items() if name != "linear"]
     head = ["sensor", "late", "gain"]
     head += ["corner: linear [ms]", "corner: simulated [ms]", "mid-side: linear [ms]", "mid-side: simulated [ms]"]
     head += ["whole lap, simulated [ms]"]
@@ -113,12 +121,12 @@ def simulated(rows: list[dict[str, Any]], linear: list[dict[str, Any]]) -> str:
         cells = [r["sensor"], _late(r["delayed"]), f"{own['gain']:.3g}"]
         for place in ("corner", "mid-side"):
             cells += [_time(own[place]["delay_margin"]), _bracket(r[place])]
-        body.append([*cells, _bracket(r["lap"]) if "lap" in r else ""])
+        body.append([*cells, _bracket(r["lap"])])
     return table(head, body)
 
 
 def _bracket(ends: list[float | None]) -> str:
-    """Between which delays it begins to diverge."""
+    """Write between which delays it begins to diverge."""
     low, high = ends
     if high is None:
         return f"above {_time(low)}"
@@ -129,8 +137,9 @@ def _late(delayed: str) -> str:
     return "position" if delayed == "position" else "position and rate"
 
 
-def largest_gains(rows: list[dict[str, Any]]) -> str:
+def largest_gains(results: Results) -> str:
     """Tabulate the largest stable lambda."""
+    rows = results["linear"]["largest_gains"]
 
     def cell(value: float) -> str:
         return f"{value:.2g}" if value else "none"

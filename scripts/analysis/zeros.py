@@ -123,14 +123,18 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
     return found
 
 
-def study(quick: bool) -> dict[str, Any]:
-    """Everything about zeros."""
-    counts = (1, 2) if quick else (1, 2, 3, 4)
+def study(points: int = 400) -> dict[str, Any]:
+    """Find all about zeros.
+
+    Args:
+        points: of the picture, along link 2.
+    """
+    counts = (1, 2, 3, 4)
     models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
     damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
     default = {"3 polynomials, 1 % (default arm)": FlexibleArm()}
     return {
         "by_model": by_model(models | damped | default),
-        "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, 20 if quick else 400),
+        "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, points),
         "spread": {str(m): spread(m) for m in counts},
     }

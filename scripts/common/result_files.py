@@ -32,18 +32,18 @@ def write_json(path: Path, data: Any, levels: int | None = None) -> None:
         data: mappings, lists, arrays and numbers.
         levels: levels of nesting whose items have lines of their own; None: all.
     """
-    text = json_text(_plain(data), levels)
+    text = json_text(plain(data), levels)
     put(path, lambda aside: aside.write_text(text))
 
 
-def _plain(value: Any) -> Any:
-    """Convert to mappings, lists and numbers, with None for what is not finite."""
+def plain(value: Any) -> Any:
+    """Convert to mappings, lists and numbers as JSON has them, with None for what is not finite."""
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

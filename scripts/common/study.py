@@ -20,7 +20,7 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options
 from scripts.common.markdown import DOCS, fill_pages
 from scripts.common.plotting import save, write
-from scripts.common.result_files import write_json
+from scripts.common.result_files import plain, write_json
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,24 @@ class Trial(Protocol):
     """Something that is run."""
 
     def run(self) -> Any:
-        """Return plain data: mappings, lists, numbers, None."""
+        """Return mappings, lists, arrays and numbers."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function's call as a trial.
+
+    Attributes:
+        function: of a module, so that a worker finds it.
+        arguments: of the call.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+
+    def run(self) -> Any:
+        """Call it."""
+        return self.function(*self.arguments)
 
 
 @dataclass(frozen=True)
@@ -84,7 +101,7 @@ class Trials:
         waiting = {label: trial for label, trial in trials.items() if label not in found}
         with tqdm(total=len(waiting), unit="trial", desc=folder.name) as bar:
             for label, result in run_all(waiting, jobs):
-                found[label] = result
+                found[label] = plain(result)
                 write_json(path, {"code": code, "results": found}, levels=3)
                 bar.update()
         return {label: found[label] for label in trials}
