@@ -81,7 +81,7 @@ contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-lin
 	$(VENV)/bin/lint-imports --no-logo --no-cache
 
 train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
-	$(PY) -m scripts.train $(ARGS)
+	$(VENV)/bin/flexarm train $(ARGS)
 
 agent: $(HAS)-agent  ## Make the shipped agents anew: trainings, the median ones, their cards, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)
@@ -90,7 +90,7 @@ learning: $(HAS)-plot  ## Show what learning gives beside classical laws: tables
 	$(PY) -m scripts.learning $(ARGS)
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs
-	$(PY) scripts/evaluate.py $(ARGS)
+	$(VENV)/bin/flexarm evaluate $(ARGS)
 
 leaderboard: $(HAS)-board  ## Measure every controller and agent on every axis; a row of your own: docs/submit.md
 	$(PY) -m scripts.leaderboard $(ARGS)

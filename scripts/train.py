@@ -1,28 +1,165 @@
-"""Train an agent by reward: `flexarm train`, from a clone; or many, with `--seeds` and `--sweep` (`scripts.sweep`)."""
+"""Train many agents, every setting of a file with every seed: `python -m scripts.train --seeds 0-9 --sweep FILE`.
 
+A sweep is a JSON object of lists, {"learning_rate": [1e-3, 2e-3], "envs": [32, 64]}, whose combinations are trained.
+Finished trainings are taken over, interrupted ones go on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
 
-from flexarm_agents.commands import main
-from flexarm_agents.commands.ending import run
+from tqdm import tqdm
 
-MANY = ("--seeds", "--sweep")
+from flexarm_agents import Spread, StandardScore, TrainingConfig
+from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.commands.fields import add_fields, read_fields
+from flexarm_agents.commands.train import tuned_for
+from flexarm_agents.files import put
+from flexarm_agents.jobs.executors import executor
+from flexarm_agents.jobs.failures import check_failures
+from flexarm_env.laps import LAPS
+from flexarm_env.validation import known_names, mapping, shown
+from scripts.common.command_line import parser, run
+from scripts.common.markdown import table
+from scripts.common.result_files import write_json
+from scripts.common.trainings import Job, Training, trained_all
+
+Setting = dict[str, Any]
 
 
-def many() -> None:
-    """Train every setting with every seed.
+@dataclass
+class Options:
+    """Train every setting of a sweep with every seed."""
+
+    seeds: str = "0"
+    """Seeds: 0-9, or 0,3,5-7."""
+    sweep: Path | None = None
+    """JSON file with lists of values of the configuration; without it, only seeds differ."""
+    output: Path = Path("results/trainings")
+    """Folder for the trainings and what came out."""
+    jobs: int = 1
+    """Processes, or tasks of Slurm."""
+    executor: str = "processes"
+    """Where trainings run: processes, ray, slurm, or submitit-local."""
+    submitit: str = "{}"
+    """Parameters of submitit as a JSON object."""
+
+
+def seeds_of(text: str) -> list[int]:
+    """Return the seeds that a text names, "0-2,7" for example, in order.
 
     Raises:
-        ImportError: if the file was run by its path, which does not find the other studies.
+        ValueError: for anything else.
     """
-    try:
-        from scripts.sweep import main as sweep
-    except ModuleNotFoundError as error:
-        raise ImportError(f"{' and '.join(MANY)} need: python -m scripts.train ({error})") from error
-    sweep()
+    found: set[int] = set()
+    for part in text.split(","):
+        range_of = re.fullmatch(r"([0-9]+)(?:-([0-9]+))?", part)
+        first, last = (0, -1) if range_of is None else (int(range_of[1]), int(range_of[2] or range_of[1]))
+        if last < first:
+            raise ValueError(f"seeds = {shown(text)}: must be numbers and ranges, such as 0-9 or 0,3,5-7")
+        found |= set(range(first, last + 1))
+    return sorted(found)
+
+
+def settings_of(sweep: object) -> list[Setting]:
+    """Return all combinations of a sweep's values.
+
+    Args:
+        sweep: lists of values by the names of `TrainingConfig`'s fields.
+
+    Raises:
+        TypeError, ValueError: if it is anything else.
+    """
+    lists = mapping("sweep", sweep)
+    known_names("sweep", lists, [one.name for one in fields(TrainingConfig) if one.name != "seed"])
+    for name, values in lists.items():
+        if not isinstance(values, list) or not values:
+            raise ValueError(f"sweep[{name!r}] = {shown(values)}: must be a list with a value at least")
+    return [dict(zip(lists, values, strict=True)) for values in product(*lists.values())]
+
+
+def jobs_of(config: TrainingConfig, settings: Sequence[Setting], seeds: Sequence[int], output: Path) -> list[Job]:
+    """Return a training for each setting and seed; the folder is named by the whole configuration but the seed."""
+    jobs: list[Job] = []
+    for setting in settings:
+        for seed in seeds:
+            one = replace(config, **setting, seed=seed)
+            jobs.append((one, output / _key(one) / f"seed-{seed}"))
+    return jobs
+
+
+def summary(settings: Sequence[Setting], config: TrainingConfig, found: Sequence[Training]) -> list[dict[str, Any]]:
+    """Return for each setting the spread over its seeds of both laps' mean r.m.s. error, and the trainings."""
+    rows = []
+    for setting in settings:
+        key = _key(replace(config, **setting))
+        own = [one for one in found if one.folder.parent.name == key]
+        if own:
+            spread = Spread.of(_error(one.best) for one in own)
+            trainings = [{"seed": one.config.seed, "folder": str(one.folder), **one.best} for one in own]
+            rows.append({"setting": setting, **spread._asdict(), "trainings": trainings})
+    return rows
+
+
+def summary_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Write the spreads; "-" where too many laps ended early."""
+    head = ["setting", "seeds, complete", "median [m]", "interquartile mean [m]", "best [m]", "worst [m]"]
+    lines = []
+    for row in rows:
+        figures = [row[name] for name in ("median", "interquartile_mean", "best", "worst")]
+        text = ", ".join(f"{name} = {json.dumps(value)}" for name, value in row["setting"].items()) or "as given"
+        lines.append([text, f"{row['total']}, {row['complete']}", *("-" if x is None else f"{x:.4f}" for x in figures)])
+    return table(head, lines)
+
+
+def read() -> tuple[TrainingConfig, Options]:
+    """Read the arguments: what all trainings have in common, and the sweep."""
+    reader = parser("python -m scripts.train", Options())
+    add_fields(reader, tuned_for(sys.argv[1:]))
+    given = reader.parse_args()
+    return read_fields(reader, TrainingConfig, given), read_fields(reader, Options, given)
+
+
+def main() -> None:
+    """Command line of many trainings.
+
+    Raises:
+        OSError: if trainings failed; what the others made is kept.
+    """
+    config, options = read()
+    if config.seed:
+        raise ValueError(f"seed = {config.seed}: must go without --seeds and --sweep, which say what seeds")
+    sweep = {} if options.sweep is None else json_object(options.sweep.read_text())
+    settings, seeds = settings_of(sweep), seeds_of(options.seeds)
+    jobs = jobs_of(config, settings, seeds, options.output)
+    where = executor(options.executor, options.jobs, options.output / "submitit", json_object(options.submitit))
+    with tqdm(total=len(jobs), unit="training") as bar:
+        found, failed = trained_all(jobs, where, bar.update)
+    rows = summary(settings, config, found)
+    write_json(options.output / "trainings.json", {"settings": rows})
+    text = summary_table(rows)
+    put(options.output / "trainings.md", lambda aside: aside.write_text(text))
+    print(text, end="")
+    check_failures(failed, options.output, "the other trainings are kept")
+
+
+def _key(config: TrainingConfig) -> str:
+    whole = {name: value for name, value in config.plain().items() if name != "seed"}
+    return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _error(best: Mapping[str, Any]) -> float | None:
+    errors = [lap.rms for lap in StandardScore.of(best) if lap.rms is not None]
+    return sum(errors) / len(LAPS) if len(errors) == len(LAPS) else None
 
 
 if __name__ == "__main__":
-    if any(one.partition("=")[0] in MANY for one in sys.argv[1:]):
-        run(many)
-    else:
-        main(["train", *sys.argv[1:]])
+    run(main)

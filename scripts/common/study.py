@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -99,29 +100,31 @@ class Trials:
         found = kept["results"] if kept.get("code") == code else {}
         trials = self.trials()
         waiting = {label: trial for label, trial in trials.items() if label not in found}
-        with tqdm(total=len(waiting), unit="trial", desc=folder.name) as bar:
-            for label, result in run_all(waiting, jobs):
-                found[label] = plain(result)
-                write_json(path, {"code": code, "results": found}, levels=3)
-                bar.update()
+        for label, result in run_all(waiting, jobs, folder.name):
+            found[label] = plain(result)
+            write_json(path, {"code": code, "results": found}, levels=3)
         return {label: found[label] for label in trials}
 
 
-def run_all(trials: Mapping[str, Trial], jobs: int) -> Iterator[tuple[str, Any]]:
+def run_all(trials: Mapping[str, Trial], jobs: int, text: str) -> Iterator[tuple[str, Any]]:
     """Run trials, and yield each with its label as soon as it is done.
 
     Args:
         trials: by label.
         jobs: processes; 1: this one.
+        text: of the progress bar.
     """
-    if jobs == 1 or len(trials) < 2:
-        for label, trial in trials.items():
-            yield label, trial.run()
-        return
-    with worker_pool(jobs) as pool:
-        futures = {pool.submit(trial.run): label for label, trial in trials.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+    with tqdm(total=len(trials), unit="job", desc=text) as bar, ExitStack() as stack:
+        if jobs == 1 or len(trials) < 2:
+            done = ((label, trial.run()) for label, trial in trials.items())
+        else:
+            pool = stack.enter_context(worker_pool(jobs))
+            futures = {pool.submit(trial.run): label for label, trial in trials.items()}
+            done = ((futures[future], future.result()) for future in as_completed(futures))
+        for label, result in done:
+            bar.set_postfix_str(label)
+            bar.update()
+            yield label, result
 
 
 @dataclass

@@ -1,20 +1,20 @@
-"""The paper's figures and ours, drawn from files: PNG for reading, SVG for print."""
+"""The paper's figures, and ours."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexarm_baselines import paper_system
 from flexarm_env import Trajectory
 from flexarm_env.metrics import elbow_changes
-from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, save
+from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline
 from scripts.paper.cases import SENSINGS
 
 Array = NDArray[np.float64]
@@ -34,8 +34,8 @@ CHANGE: dict[str, Any] = {"color": COLOURS[3], "linewidth": 1.6, "label": "elbow
 THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
 
 
-def fuzzy_sets(folder: Path) -> None:
-    """Figure 2: input and output membership functions."""
+def fuzzy_sets() -> Figure:
+    """Draw figure 2: input and output membership functions."""
     system = paper_system()
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.0), sharey=True)
     panels = (
@@ -51,18 +51,14 @@ def fuzzy_sets(folder: Path) -> None:
         axis.set(title=title, ylim=(0, 1.2), xlim=variable.universe)
     axes[0].set(xlabel="$\\delta$: tip deflection / 0.2 m, times $K_n$ [1]", ylabel="membership [1]")
     axes[1].set_xlabel("gain $\\lambda$ [1]")
-    save(figure, folder, "fig2")
+    return figure
 
 
-def paths(
-    folder: Path, name: str, runs: dict[str, Trajectory], controller: str, place: str, zoom: float | None, title: str
-) -> None:
-    """Figures 5 to 7: the three sensings superposed; left the paper's tip, right the true one.
+def paths(runs: dict[str, Trajectory], controller: str, place: str, zoom: float | None, title: str) -> Figure:
+    """Draw figures 5 to 7: the three sensings superposed; left the paper's tip, right the true one.
 
     Args:
-        folder: for the files.
-        name: of the figure.
-        runs: of one column, by case name.
+        runs: of one column, by case name; one at least of this controller and place.
         controller: "ifdc" or "flsac".
         place: "tip" or "elbow".
         zoom: half width of the view around the first direction switch [m]; None for the whole square.
@@ -71,8 +67,6 @@ def paths(
     chosen: dict[str, Trajectory] = {
         s: runs[f"{controller}_{s}_{place}"] for s in SENSINGS if f"{controller}_{s}_{place}" in runs
     }
-    if not chosen:
-        return
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.0), sharex=True, sharey=True)
     for axis, tip in zip(axes, ("rigid", "true"), strict=True):
         reference = next(iter(chosen.values())).reference
@@ -99,7 +93,7 @@ def paths(
         axes[0].set(xlim=(-6.3 - zoom, -6.3 + zoom), ylim=(6.3 - zoom, 6.3 + zoom))
     headline(figure, title)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
-    save(figure, folder, name)
+    return figure
 
 
 def _mark_changes(axis: Axes, runs: dict[str, Trajectory], tip: str, zoom: float | None) -> None:
@@ -160,8 +154,8 @@ PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
 }
 
 
-def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) -> None:
-    """Deflection, torque and lambda of one run against time."""
+def time_histories(run: Trajectory, lap_time: float) -> Figure:
+    """Draw deflection, torque and lambda of one run against time."""
     assert run.gain is not None
     figure, axes = plt.subplots(3, 1, figsize=(WIDTH, 6.4), sharex=True)
     time = run.time[::THIN]
@@ -183,7 +177,7 @@ def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) ->
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
     sensor = "at the tip" if notes["place"] == "tip" else "0.5 m from the elbow"
     headline(figure, f"{CONTROLLER[notes['controller']]}, {STYLE[notes['sensing']]['label']}, sensor {sensor}")
-    save(figure, folder, name)
+    return figure
 
 
 def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
@@ -194,7 +188,7 @@ def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
             axis.axvline(change, zorder=0, **style)
 
 
-def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
+def rigid_and_true(runs: dict[str, dict[str, Trajectory]]) -> Figure:
     """Draw error against time by the joints and at the tip, for the paper's arm and the linear arm."""
     columns = [name for name in ("paper", "linear") if name in runs]
     figure, axes = plt.subplots(
@@ -221,4 +215,4 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
     headline(figure, "Distance of the tip from the reference: what the paper's law sees, and the truth")
     handles = {label: line for axis in axes.flat for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=3)
-    save(figure, folder, "rigid_and_true_tip")
+    return figure

@@ -18,6 +18,7 @@ from flexarm_env import (
 )
 from scripts.paper.cases import CONTROL_PERIOD, Study
 
+PAPER_CLOCK = {"ifdc": 77.0, "flsac": 100.0}  # [s]; clock time a run, end of section 4
 CLOCK_STEP = 0.0252  # [s]; the paper's clock time a step, in which it counts delays
 
 
@@ -50,6 +51,19 @@ def numbers() -> list[Number]:
     """All rows; every value of ours comes from the package's own objects."""
     arm = FlexibleArm(ArmParameters.paper())
     return [*_arm_and_gains(arm), *_delays(arm), *_lap(), *_fuzzy_system()]
+
+
+def clock_numbers(clock: float) -> list[Number]:
+    """Return the clock time of a run beside the paper's.
+
+    Args:
+        clock: of one run [s].
+    """
+    note = "a run's share of the batch of both controllers' runs, measured beside another worker process"
+    return [
+        Number(f"clock time of a run, {name.upper()}", "s", "end of sec. 4", paper, clock, note)
+        for name, paper in PAPER_CLOCK.items()
+    ]
 
 
 def _arm_and_gains(arm: FlexibleArm) -> list[Number]:

@@ -1,19 +1,20 @@
-"""Figures of the sweeps, drawn from their rows: PNG for reading, SVG for print."""
+"""Figures of the sweeps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, headline, save
+from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, headline
 from scripts.paper.cases import SENSINGS
 from scripts.paper.figures import CONTROLLER, LINKS, STYLE
 
+Rows = Sequence[dict[str, Any]]
 TIP_SWEEPS = ("true_tip_feedback", "late_true_tip_feedback")
 TIP_COLORS = {"zeta 0": INK, "zeta 0.01": BLUE, "zeta 0.03": ORANGE}
 READINGS = {
@@ -32,13 +33,10 @@ _PANELS: tuple[tuple[str, Callable[[dict[str, Any]], float], str], ...] = (
 )
 
 
-def sweep_lines(
-    folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]
-) -> None:
+def sweep_lines(rows: Rows, sweep: str, label: str, base: Rows) -> Figure:
     """Draw a sweep over a number: four figures of merit against it.
 
     Args:
-        folder: for the files.
         rows: rows of all sweeps.
         sweep: which one.
         label: label of the abscissa.
@@ -60,7 +58,7 @@ def sweep_lines(
         axis.set_xlabel(f"{label} [1]")
     headline(figure, f"Four figures of a lap of the paper's arm, by {label}")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
-    save(figure, folder, f"sweep_{sweep}")
+    return figure
 
 
 def _number_axis(axis: Axes, values: Sequence[float]) -> None:
@@ -74,7 +72,7 @@ def _number_axis(axis: Axes, values: Sequence[float]) -> None:
     axis.set_xticks([], minor=True)
 
 
-def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+def alternatives(rows: Rows) -> Figure:
     """Draw the law's alternative readings: overshoot, or when the run ended."""
     chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
     names = list(dict.fromkeys(r["value"] for r in chosen))
@@ -90,10 +88,10 @@ def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     axis.set_yticks(range(len(names)), [READINGS.get(name, name) for name in reversed(names)])
     axis.set(xlabel="overshoot of the rigid tip past the top left corner [m]", xlim=(0, 1.4))
     headline(figure, "Other readings of the paper's law: noncollocated sensor at the tip")
-    save(figure, folder, "alternatives")
+    return figure
 
 
-def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+def true_tip_feedback(rows: Rows) -> Figure:
     """Draw the same law fed with the true tip: how long runs last, and the error of those that last the lap."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 4.4), width_ratios=(3, 2))
     for sweep, text, style in (
@@ -122,4 +120,7 @@ def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
         axis.set_xlabel("constant gain $\\lambda$ [1]")
     headline(figure, "The paper's law at constant gain, fed with the true tip")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2)
-    save(figure, folder, "true_tip_feedback")
+    return figure
+
+
+OTHERS = {"alternatives": alternatives, "true_tip_feedback": true_tip_feedback}

@@ -6,10 +6,48 @@ from collections.abc import Sequence
 from typing import Any
 
 from scripts.common.markdown import table
+from scripts.paper.cases import COLUMNS
+from scripts.paper.checks import PRONOUNCED
 from scripts.paper.measures import Workspace
+from scripts.paper.numbers import numbers as printed_numbers
+from scripts.paper.sweep_figures import TIP_SWEEPS
 
+TITLES = {name: column.title for name, column in COLUMNS.items()}
+SWEEP_LABELS = {
+    "constant_gain": "constant gain lambda",
+    "K_s": "output scale K_s",
+    "K_n": "normaliser K_n",
+    "width_scale": "K_s as width scale of the input sets",
+}
 KEPT = " °"  # after the figures of a lap whose elbow keeps its side
 _NAMES = {"ifdc": "IFDC", "flsac": "FLSAC", "constant": "constant", "nmp": "NMP", "corrected": "corrected"}
+
+
+def everything(
+    found: dict[str, dict[str, dict[str, Any]]], rows: Sequence[dict[str, Any]], decided: Sequence[dict[str, Any]]
+) -> dict[str, str]:
+    """Return all tables and paragraphs, by the names of the blocks that show them.
+
+    Args:
+        found: measures of the runs by column and case.
+        rows: of the sweeps; empty if they were not made.
+        decided: rows of claims.json; empty if they were not decided.
+    """
+    texts = {f"summary_{column}": runs(found, column) for column in found}
+    texts |= {"reach": reach(found["paper"], Workspace()), "numbers": numbers([n.as_json() for n in printed_numbers()])}
+    if rows:
+        texts["sensitivity"] = sensitivity(rows)
+        labels = SWEEP_LABELS | dict.fromkeys(TIP_SWEEPS, "constant gain lambda")
+        texts |= {f"sweep_{name}": sweep(rows, name, label) for name, label in labels.items()}
+    if decided:
+        texts |= {
+            "verdicts": verdicts(decided, TITLES),
+            "verdicts_one_side": one_side(decided, TITLES),
+            "elbow_claim": elbow_claim(found, TITLES),
+            "reach_claim": reach_claim(found, Workspace(), PRONOUNCED),
+            "claims": claims(decided, TITLES),
+        }
+    return texts
 
 
 def brief(value: Any) -> str:

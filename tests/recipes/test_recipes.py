@@ -64,7 +64,8 @@ def commands(fence: Fence) -> list[list[str]]:
         return [[sys.executable, "-c", fence.text]]
     lines = fence.text.replace("\\\n", " ").splitlines()
     found = [shlex.split(line, comments=True) for line in lines if line and not line.startswith("pip ")]
-    return [[sys.executable, *words[1:]] for words in found if words and words[0] == "python"]
+    programs = {"python": [], "flexarm": ["-c", "from flexarm_agents.commands import main; main()"]}
+    return [[sys.executable, *programs[words[0]], *words[1:]] for words in found if words and words[0] in programs]
 
 
 def test_every_recipe_is_tried() -> None:
@@ -73,7 +74,7 @@ def test_every_recipe_is_tried() -> None:
         assert fences(page)
         for fence in fences(page):
             lines = fence.text.replace("\\\n", " ").splitlines()
-            assert fence.language == "python" or all(re.match(r"(pip|python) ", line) for line in lines), page
+            assert fence.language == "python" or all(re.match(r"(pip|python|flexarm) ", line) for line in lines), page
 
 
 @pytest.mark.parametrize("page", OWN)

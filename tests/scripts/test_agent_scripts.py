@@ -22,7 +22,7 @@ from tests.support.programs import ROOT
 from tests.support.shell import Shell
 from tests.support.trainings import TINY as CONFIG
 
-SCRIPTS = ROOT / "scripts"
+COMMAND = "from flexarm_agents.commands import main; main()"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
 ALONE = ("--no-baselines", "--no-shipped")
@@ -40,9 +40,9 @@ def flexarm(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 
 @pytest.mark.usefixtures("signals")
 def test_train_stop_and_go_on(flexarm: Shell) -> None:
-    """The script is stopped by Ctrl-C; the command goes on with its folder."""
+    """The command is stopped by Ctrl-C, and goes on with its folder."""
     again = ("train", *TINY, "--steps", "100000", "--seed", "3", "--options", '{"noise": 0.001}')
-    command = [sys.executable, "-W", "error", SCRIPTS / "train.py", *again[1:]]
+    command = [sys.executable, "-W", "error", "-c", COMMAND, *again]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     line = process.stdout.readline()

@@ -70,7 +70,8 @@ def test_trials_are_run_once(tmp_path: Path) -> None:
 
 
 def test_workers_run_trials() -> None:
-    assert dict(run_all({"two": Counted(2), "three": Counted(3)}, 2)) == {"two": {"square": 4}, "three": {"square": 9}}
+    done = dict(run_all({"two": Counted(2), "three": Counted(3)}, 2, "squares"))
+    assert done == {"two": {"square": 4}, "three": {"square": 9}}
 
 
 def test_decays_of_joint_feedback() -> None:

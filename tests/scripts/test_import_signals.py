@@ -22,7 +22,6 @@ PROGRAMS = {
     "a study": ("-m", "scripts.paper"),
     "a page": ("-m", "scripts.docs.environments"),
     "trainings": ("-m", "scripts.train", "--seeds", "0-3"),
-    "by its path": (str(ROOT / "scripts" / "train.py"),),
 }
 
 
@@ -47,11 +46,9 @@ def test_a_signal_while_importing_ends_with_one_line(
 
 
 def test_every_study_is_run_by_what_handles_its_end() -> None:
-    """By `run`, or by the command's `main`, which calls it."""
     for path in sorted((ROOT / "scripts").rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'":
                 started = [one.value for one in ast.walk(node) if isinstance(one, ast.Expr)]
                 names = {ast.unparse(call.func).split(".")[-1] for call in started if isinstance(call, ast.Call)}
-                ours = names == {"run"} or (names <= {"run", "main"} and "flexarm_agents.commands" in path.read_text())
-                assert ours, f"{path.relative_to(ROOT)}: {names}"
+                assert names == {"run"}, f"{path.relative_to(ROOT)}: {names}"

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from flexarm_agents import TrainingConfig, train
-from scripts import sweep
+from scripts import train as sweep
 from tests.support.programs import ROOT, run_here
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY, same_policy
@@ -85,7 +85,7 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
 
 
 def test_a_seed_beside_seeds_is_refused() -> None:
-    status, printed = run_here("sweep", "--seeds", "0-1", "--seed", "3")
+    status, printed = run_here("train", "--seeds", "0-1", "--seed", "3")
     assert status == 1
     assert "seed = 3: must go without --seeds" in printed
 
