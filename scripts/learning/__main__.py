@@ -1,7 +1,7 @@
 """Tables and pictures of what learning gives beside classical laws and limits, from the committed data.
 
-The trainings are finished: each agent's `config` in docs/figures/agents/STUDY.json says what `flexarm train` or
-`flexarm train --algorithm fopg` was given.
+The trainings are finished: each agent's `config` in docs/figures/agents/STUDY.json has what `flexarm train` was
+given.
 """
 
 from __future__ import annotations
