@@ -50,11 +50,12 @@ class Study:
             put(folder / f"{name}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
             print(f"\n{self.text}:\n\n{text}")
         for name, draw in self.pictures.items():
-            figure = draw(results)
+            figure, path = draw(results), folder / "figures" / f"{name}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
             if self.svg:
-                save(figure, folder / "figures", name)
+                save(figure, path.parent, path.stem)
             else:
-                write(figure, folder / "figures" / f"{name}.png")
+                write(figure, path)
 
 
 class Trial(Protocol):

@@ -12,13 +12,14 @@ from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
 from flexarm_agents.commands.train import NAMES
 from flexarm_agents.commands.train import parser as training
+from scripts.analysis import __main__ as analysis
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
 from scripts.common.study import usual
 from scripts.control import __main__ as control
 from scripts.learning import __main__ as learning
 
-STUDIES = ("paper", "validation", "analysis", "optimise", "benchmarks", "make_dataset")
+STUDIES = ("paper", "validation", "optimise", "benchmarks", "make_dataset")
 
 
 def text() -> str:
@@ -33,7 +34,7 @@ def text() -> str:
         package = import_module(f"scripts.{name}")
         module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")
         parts += section(parser(f"python -m scripts.{name}", module.Options()))
-    for name, one in {"control": control, "learning": learning}.items():
+    for name, one in {"analysis": analysis, "control": control, "learning": learning}.items():
         parts += section(parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT))
     return "\n".join(parts)
 
