@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
@@ -19,20 +18,16 @@ from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square,
 from tests.hardening.amounts import cases
 from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
 
-LONGEST = 5.0  # [s], for what an environment does below on a busy machine, nothing to be compiled
 
 
 def made(options: dict[str, Any]) -> FlexArmEnv | None:
     """Make an environment, for which nothing is compiled; None: the options are refused."""
-    began = time.perf_counter()
     try:
         env = FlexArmEnv(**options)
     except Exception as error:
         check_refusal(error, options)
         event("refused")
         return None
-    finally:
-        assert time.perf_counter() - began < LONGEST
     event("made")
     return env
 
@@ -65,13 +60,12 @@ def test_garbage_is_refused_by_name(name: str) -> None:
 @cases(100, 1_000)
 @given(any_options(garbage=False), st.integers(0, 2**32 - 1))
 def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
-    """Finite numbers within the bounds, no warning, in time."""
+    """Finite numbers within the bounds, no warning."""
     env = made(options)
     if env is None:
         return
     env.reset(seed=seed)  # compiles
     rng = np.random.default_rng(seed)
-    began = time.perf_counter()
     for _ in range(4):
         action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         observation, reward, terminated, _, _ = env.step(action)
@@ -79,7 +73,6 @@ def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
         assert math.isfinite(reward)
         if terminated:
             env.reset()
-    assert time.perf_counter() - began < LONGEST
 
 
 @cases(60, 20_000)
