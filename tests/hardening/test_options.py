@@ -19,7 +19,6 @@ from tests.hardening.amounts import cases
 from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
 
 
-
 def made(options: dict[str, Any]) -> FlexArmEnv | None:
     """Make an environment, for which nothing is compiled; None: the options are refused."""
     try:
