@@ -1,6 +1,6 @@
 """Make Minari data sets of controllers, of a trained agent and of random actions, with a sensor late by several delays.
 
-A data set holds episodes of one contender at one delay, which take turns with the two standard laps; the sensor's noise
+A data set holds episodes of one candidate at one delay, which take turns with the two standard laps; the sensor's noise
 makes them differ. Minari makes its environment again from it.
 """
 
@@ -38,7 +38,7 @@ NAMES = ("id", "episodes", "complete", "steps")
 class Options:
     """Make Minari data sets of controllers, an agent and random actions, with a sensor late by several delays."""
 
-    contenders: tuple[str, ...] = ("ifdc", "flsac", "lqg", "nmpc", "square", RANDOM)
+    candidates: tuple[str, ...] = ("ifdc", "flsac", "lqg", "nmpc", "square", RANDOM)
     """Names of controllers or shipped agents, or "random"."""
     delays: tuple[float, ...] = (0.0, 0.0312, 0.06)
     """Delays of the sensor on link 2 [s]."""
@@ -92,11 +92,11 @@ def dataset_id(name: str, delay: float) -> str:
     return f"flexarm/square/{name.replace('_', '-')}-{1e3 * delay:.0f}ms-v0"
 
 
-def contender(name: str, options: dict[str, Any]) -> Candidate:
-    """Make a contender with its environment.
+def candidate(name: str, options: dict[str, Any]) -> Candidate:
+    """Make a candidate with its environment.
 
     Args:
-        name: see `Options.contenders`.
+        name: see `Options.candidates`.
         options: of the environment.
 
     Raises:
@@ -177,10 +177,10 @@ def check(options: Options) -> None:
     _minari()
     integer("episodes", options.episodes, 1)
     integer("seed", options.seed, 0)
-    if len(set(options.contenders)) < len(options.contenders):
-        raise ValueError(f"contenders = {options.contenders}: must differ, since they name the data sets")
-    for name in options.contenders:
-        choice("contender", name, (*controller_names(), *shipped_policies(), RANDOM))
+    if len(set(options.candidates)) < len(options.candidates):
+        raise ValueError(f"candidates = {options.candidates}: must differ, since they name the data sets")
+    for name in options.candidates:
+        choice("candidate", name, (*controller_names(), *shipped_policies(), RANDOM))
     ids = [dataset_id("x", number("delay", delay, "s", least=0.0)) for delay in options.delays]
     if len(set(ids)) < len(ids):
         raise ValueError(f"delays = {options.delays}: must differ by a millisecond, since they name the data sets")
@@ -197,12 +197,12 @@ def make(options: Options, tick: Callable[[], Any]) -> list[dict[str, Any]]:
         A summary of each.
     """
     rows, laps = [], list(LAPS)
-    for name in options.contenders:
+    for name in options.candidates:
         for delay in options.delays:
             given: dict[str, Any] = {"delay": delay, "noise": options.noise}
             if options.max_episode_steps is not None:
                 given["max_episode_steps"] = options.max_episode_steps
-            one = contender(name, given)
+            one = candidate(name, given)
             episodes = []
             for n in range(options.episodes):
                 episodes.append(recorded(one, options.seed + n, laps[n % len(laps)]))
@@ -224,7 +224,7 @@ def main() -> None:
     check(options)
     options.folder.mkdir(parents=True, exist_ok=True)
     os.environ["MINARI_DATASETS_PATH"] = str(options.folder.resolve())
-    with tqdm(total=len(options.contenders) * len(options.delays) * options.episodes, unit="episode") as bar:
+    with tqdm(total=len(options.candidates) * len(options.delays) * options.episodes, unit="episode") as bar:
         rows = make(options, bar.update)
     write_json(options.folder / "datasets.json", {"datasets": rows})
     figures = [[str(row[name]) for name in NAMES] + [_metres(row["mean_rms"])] for row in rows]

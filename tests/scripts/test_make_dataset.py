@@ -11,11 +11,11 @@ import pytest
 
 from flexarm_env.extras import install_command
 from scripts import make_dataset
-from scripts.make_dataset import Options, contender, dataset_id, recorded, summary
+from scripts.make_dataset import Options, candidate, dataset_id, recorded, summary
 
 
 def test_an_episode_is_recorded_whole() -> None:
-    one = contender("random", {"arm": "linear", "delay": 0.02, "noise": 0.001, "max_episode_steps": 20})
+    one = candidate("random", {"arm": "linear", "delay": 0.02, "noise": 0.001, "max_episode_steps": 20})
     episode, again, other = (recorded(one, seed, "plain") for seed in (3, 3, 4))
     assert np.shape(episode["observations"]) == (21, *one.env.observation_space.shape)  # type: ignore[misc]
     assert [len(episode[name]) for name in ("actions", "rewards", "truncations")] == [20] * 3
@@ -28,12 +28,12 @@ def test_an_episode_is_recorded_whole() -> None:
 
 
 def test_a_controller_acts_in_its_own_environment() -> None:
-    one = contender("ifdc", {"arm": "linear", "delay": 0.02, "max_episode_steps": 3})
+    one = candidate("ifdc", {"arm": "linear", "delay": 0.02, "max_episode_steps": 3})
     assert np.shape(recorded(one, 0, "swing")["actions"]) == (3, 1)  # the gain
 
 
 def test_an_action_outside_of_its_space_is_refused() -> None:
-    one = contender("random", {"arm": "linear", "max_episode_steps": 3})
+    one = candidate("random", {"arm": "linear", "max_episode_steps": 3})
     with pytest.raises(ValueError, match=r"action = .*1\.5.* in step 0: not in Box"):
         recorded(one._replace(policy=lambda observation: np.array([0.0, 1.5])), 0, "plain")
 
@@ -43,8 +43,8 @@ def test_an_action_outside_of_its_space_is_refused() -> None:
     [
         ({"episodes": 0}, "episodes = 0"),
         ({"seed": -1}, "seed = -1"),
-        ({"contenders": ("lqg", "lqg")}, "contenders = .*: must differ"),
-        ({"contenders": ("lgq",)}, "contender = 'lgq'"),
+        ({"candidates": ("lqg", "lqg")}, "candidates = .*: must differ"),
+        ({"candidates": ("lgq",)}, "candidate = 'lgq'"),
         ({"delays": (0.0312, 0.0313)}, "must differ by a millisecond"),
         ({"delays": (-0.1,)}, r"delay = -0\.1"),
     ],
