@@ -81,6 +81,3 @@ def test_numbers_are_those_of_their_names() -> None:
         assert info["tip_error"] == pytest.approx(math.dist(info["true_tip"], info["reference"]), rel=1e-13)
         assert sum(terms_of(info).values()) == pytest.approx(reward, rel=1e-13)
         assert info["elbow_side"] == (1.0 if math.sin(info["state"][1]) >= 0.0 else -1.0)  # bent all the time
-
-
-# --- interoperation -----------------------------------------------------------------------------------------

@@ -90,51 +90,6 @@ def test_noise_reaches_the_law() -> None:
 # --- observation and info -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arm", ["paper", "default"])
-@pytest.mark.usefixtures("uncompiled")
-def test_blocks_hold_what_they_say(arm: str) -> None:
-    env = paper(arm=arm, start_corner="upper left", lap_time=0.12, gain_limit=0.01)  # a soft gain over two corners
-    observations, infos = recorded(env)
-    m = env.arm.parameters.modes_per_link
-    states = np.array([info["state"] for info in infos])
-    path = square(SquareParameters(start_corner="upper left", lap_time=0.12))
-    times = 1e-3 * np.arange(STEPS + 1)
-    expected = {
-        "joint_angles": states[:, :2],
-        "joint_rates": states[:, 2 * m + 2 : 2 * m + 4],
-        "modal_coordinates": states[:, 2 : 2 * m + 2],
-        "reference_position": path.position(times),
-        "reference_velocity": path.velocity(times + 1e-9),
-    }
-    assert env.observation_scale.tolist() == [1.0] * (10 + 2 * m)
-    for name, values in expected.items():
-        np.testing.assert_allclose(block(env, observations, name), values, rtol=3e-7, atol=1e-12, err_msg=name)
-    assert np.ptp(expected["modal_coordinates"], axis=0).min() > 0.0
-    assert list(env.observation_blocks) == [*list(expected)[:2], "sensed_position", *list(expected)[2:]]
-
-
-@pytest.mark.parametrize("sensor", ["collocated", "rigid", "true"])
-@pytest.mark.usefixtures("uncompiled")
-def test_the_sensed_position(sensor: Any) -> None:
-    """Of angles 4 and 2 ms old, of the point 4 ms ago with its deflection, or of the present angles."""
-    delay = {"collocated": None, "rigid": (0.004, 0.002), "true": 0.004}[sensor]
-    env = paper(sensor=sensor, sensor_position=3.0, delay=delay, gain_limit=0.3)
-    observations, infos = recorded(env)
-    states = np.array([info["state"] for info in infos])
-    late_1 = states[np.maximum(np.arange(STEPS + 1) - (0 if sensor == "collocated" else 4), 0)]
-    late_2 = states[np.maximum(np.arange(STEPS + 1) - (2 if sensor == "rigid" else 0), 0)]
-    if sensor == "true":
-        expected = env.arm.position(late_1[:, : env.arm.size], 2, 3.0)
-    else:
-        theta1, both = late_1[:, 0], late_1[:, 0] + late_2[:, 1]
-        expected = np.stack([4.5 * np.cos(theta1) + 3.0 * np.cos(both), 4.5 * np.sin(theta1) + 3.0 * np.sin(both)], 1)
-    found = block(env, observations, "sensed_position")
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-7)  # float32 at 7 m
-    np.testing.assert_array_equal(found, np.float32([info["sensed"] for info in infos]))
-    present = env.arm.position(states[:, : env.arm.size], 2, 3.0)
-    assert sensor == "collocated" or np.abs(found - present).max() > 1e-3  # it is late
-
-
 def test_the_reference_where_corners_fall_between_the_instants() -> None:
     """It neither overshoots the corner nor turns before it."""
     env = paper(lap_time=0.0404, gain_limit=1e-6)
@@ -160,6 +115,3 @@ def test_info_and_tips() -> None:
     assert not infos[0]["state"][2:].any()  # at rest, straight
     assert infos[0]["state"][1] > 0.0
     assert paper(elbow_branch="negative").reset()[1]["state"][1] < 0.0
-
-
-# --- the end of an episode ----------------------------------------------------------------------------------
