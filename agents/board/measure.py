@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from tqdm import tqdm
 
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Column
@@ -23,7 +24,6 @@ from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
 from flexarm_env.validation import choice
 
-Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
 DATA = "leaderboard.json"
 INCOMPLETE = "their rows lack cells, the cells that were computed are kept"  # after a failure
 DIGITS = 6  # of the figures in the board's file
@@ -64,7 +64,7 @@ def measure(
     columns: Mapping[str, Column],
     store: Store,
     where: Executor,
-    progress: Progress = lambda total: nullcontext(lambda done: None),
+    progress: Callable[[int], tqdm[Any]] = lambda total: tqdm(total=total, disable=True),
 ) -> tuple[dict[str, Any], list[Failure]]:
     """Compute the missing cells, and add all up.
 
@@ -73,7 +73,7 @@ def measure(
         columns: on what, by name.
         store: has the cells, and gets those that are missing.
         where: computes them.
-        progress: makes, for a number of cells, what is called with the number of those that are done.
+        progress: makes the bar for a number of cells.
 
     Returns:
         The board of the rows that have all their cells, and the jobs of the others that failed.
@@ -86,14 +86,14 @@ def measure(
     missing = store.missing(wanted)
     by_key = {cell.key: cell for cell in missing}
     jobs, failed = jobs_of(missing), []
-    with progress(len(missing)) as tick:
+    with progress(len(missing)) as bar:
         for n, outcome in where.run(compute, jobs) if jobs else ():
             if isinstance(outcome, BaseException):
                 failed.append(Failure(jobs[n].row.name, outcome))
             else:
                 for key, result in zip(jobs[n].keys, outcome, strict=True):
                     store.write(by_key[key], result)
-            tick(len(jobs[n].keys))
+            bar.update(len(jobs[n].keys))
     whole = {
         row.name: {name: list(map(store.read, column)) for name, column in cells[row.name].items()} for row in rows
     }

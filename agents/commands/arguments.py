@@ -6,6 +6,8 @@ import argparse
 import json
 import shutil
 import textwrap
+from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any
 
 EXAMPLES = {
@@ -78,6 +80,16 @@ class Reader(argparse.ArgumentParser):
         action = super().add_argument(*names, **given)
         self.declared.append(action)
         return action
+
+    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """See `argparse.ArgumentParser.parse_args`; the message about an unknown option names a similar one."""
+        given, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            options = [option for one in self.declared for option in one.option_strings]
+            similar = [option for one in unknown for option in get_close_matches(one, options, 1)]
+            hint = f"; did you mean {', '.join(similar)}?" if similar else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return given
 
 
 def of_verb(verb: str, description: str) -> Reader:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, legend, spreads_of
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
@@ -125,8 +125,8 @@ def _tell_own(results: Sequence[Result]) -> None:
 
 def _scores(candidate: Candidate, laps: int, seed: int) -> list[StandardScore]:
     try:
-        with Progress(laps * len(LAPS) * episode_steps(candidate.env), "steps") as tick:
-            env = Watched(candidate.env, tick)
+        with progress_bar(laps * len(LAPS) * episode_steps(candidate.env), "steps") as bar:
+            env = Watched(candidate.env, bar.update)
             return [evaluate(env, candidate.policy, seed + n) for n in range(laps)]
     except (TypeError, ValueError) as error:
         raise ValueError(f"{candidate.name}: {error}") from error

@@ -15,7 +15,7 @@ from flexarm_agents.board.rows import Row
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
 from flexarm_agents.jobs.failures import Failure, check_failures
@@ -61,7 +61,7 @@ def measured(given: argparse.Namespace) -> tuple[list[Row], dict[str, Any], list
         print(left_out, file=sys.stderr)
     where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
     store = Store(given.output / "cells")
-    results, failed = measure(rows, chosen, store, where, lambda total: Progress(total, "cells"))
+    results, failed = measure(rows, chosen, store, where, lambda total: progress_bar(total, "cells"))
     write(results, given.output)
     return rows, results, failed
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.watching import Watched, episode_steps
@@ -54,8 +54,8 @@ def run(arguments: Sequence[str]) -> None:
     try:
         steps = episode_steps(candidate.env)
         check_pictures(given.fps, given.speed, steps * candidate.env.unwrapped.control_period)  # type: ignore[attr-defined]
-        with Progress(steps, "steps") as tick:
-            played = episode(candidate._replace(env=Watched(candidate.env, tick)), given)
+        with progress_bar(steps, "steps") as bar:
+            played = episode(candidate._replace(env=Watched(candidate.env, bar.update)), given)
     finally:
         candidate.env.close()
     ended = played.notes["ended"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.viewer.film import SUFFIXES, Film, check_look, check_output
 from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
@@ -73,6 +73,6 @@ def play(played: Trajectory, given: argparse.Namespace) -> None:
     if given.output is None:
         film.show()
         return
-    with Progress(1 if given.output.suffix.lower() == ".png" else len(film), "pictures") as tick:
-        film.write(given.output, given.time, tick)
+    with progress_bar(1 if given.output.suffix.lower() == ".png" else len(film), "pictures") as bar:
+        film.write(given.output, given.time, bar.update)
     print(f"{given.output}: written")

@@ -11,7 +11,7 @@ from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import LIMIT, breaking, counted, merged, point_summary, spans
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import row_of
 from flexarm_agents.commands.text import columns
 from flexarm_env.laps import LAPS
@@ -53,10 +53,10 @@ def sweep(given: argparse.Namespace) -> dict[str, Any]:
 def _results(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run a row at some points, one after the other, so that it is seen to go on: the results are the same."""
     found = []
-    with Progress(len(points), "points") as tick:
+    with progress_bar(len(points), "points") as bar:
         for point in points:
             found += run_points(row, [point])
-            tick()
+            bar.update()
     return found
 
 

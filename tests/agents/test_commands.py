@@ -175,7 +175,7 @@ def test_arguments_are_read_as_their_fields_are() -> None:
         (("--critic-lstm", "yes"), "argument --critic-lstm: 'yes': must be one of None, True, False"),
         (("--lstm", "many"), "argument --lstm: invalid int value: 'many'"),
         (("--lesson-options", "[]"), "argument --lesson-options: []: must be a JSON object"),
-        (("--epoch", "3"), "unrecognized arguments: --epoch 3"),
+        (("--epoch", "3"), "unrecognized arguments: --epoch 3; did you mean --epochs?"),
     ],
 )
 def test_bad_arguments_of_a_training_are_wrong_usage(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tqdm import tqdm
 
-from flexarm_agents.commands import main
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands import main, render, replay
 from flexarm_agents.viewer.film import SENSOR, Film
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
@@ -195,12 +196,18 @@ def test_render_runs_an_episode_that_replay_shows_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pygame")
-    steps: list[int] = []
-    monkeypatch.setattr(Progress, "__call__", lambda self, done=1: steps.append(self._total))
+    bars: list[tqdm[Any]] = []
+
+    def bar(total: int, unit: str) -> tqdm[Any]:
+        bars.append(tqdm(total=total, file=StringIO()))
+        return bars[-1]
+
+    for module in (render, replay):
+        monkeypatch.setattr(module, "progress_bar", bar)
     saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
     assert status("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS) == 0
     assert capsys.readouterr().out.startswith("joint_pd: plain lap, complete\n")
-    assert steps == [1600] * 1600 + [1]  # of the episode, and the picture
+    assert [(one.n, one.total) for one in bars] == [(1600, 1600), (1, 1)]  # of the episode, and the picture
     assert Trajectory.load(saved).notes == {
         "ended": "truncated", "policy": "joint_pd", "environment": "FlexArm/Square-v0", "lap": "plain", SENSOR: 4.5,
     }  # fmt: skip

@@ -1,61 +1,40 @@
-"""`Progress`: a line of the terminal, once it takes long, or lines of a log."""
+"""The bar of a command, and the steps that it counts."""
 
 from __future__ import annotations
 
 import time
+from io import StringIO
 
 import gymnasium
 import pytest
 
 from flexarm_agents.commands import progress, sources
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_env.envs.single import FlexArmEnv
 
 
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    now = [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    return now
+class Terminal(StringIO):
+    """Stands for a terminal."""
+
+    def isatty(self) -> bool:
+        return True
 
 
-def test_a_line_is_shown_after_a_second_and_taken_away(
-    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("kind", [Terminal, StringIO])
+def test_a_bar_is_shown_when_it_takes_long_and_goes_in_the_end(
+    kind: type[StringIO], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with Progress(8, "cells") as tick:
-        clock[0] = 0.9
-        tick()
-        assert capsys.readouterr().err == ""
-        clock[0] = 2.0
-        tick(3)
-        assert capsys.readouterr().err == f"\r{'█' * 15}{'·' * 15} 4 of 8 cells, 1 s left "
-        clock[0] = 2.05  # too soon for another
-        tick()
-        assert capsys.readouterr().err == ""
-    assert capsys.readouterr().err.strip() == ""
-
-
-def test_without_a_terminal_a_line_is_written_every_half_minute(
-    clock: list[float], capsys: pytest.CaptureFixture[str]
-) -> None:
-    with Progress(4, "cells") as tick:
-        for clock[0], line in ((29.0, ""), (31.0, f"{'█' * 15}{'·' * 15} 2 of 4 cells\n"), (60.0, "")):
-            tick()
-            assert capsys.readouterr().err == line
-    assert capsys.readouterr().err == ""
-
-
-def test_no_time_is_estimated_from_what_compiling_took(
-    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The first of 3200 steps took a minute: "197313 s left"."""
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with Progress(3200, "steps") as tick:
-        for clock[0], steps, end in ((60.0, 1, "steps "), (61.0, 100, "steps "), (120.0, 1499, "steps, 60 s left ")):
-            tick(steps)
-            assert capsys.readouterr().err.endswith(end)
+    monkeypatch.setattr(progress, "PATIENCE" if kind is Terminal else "LOG", 0.02)
+    errors = kind()
+    monkeypatch.setattr("sys.stderr", errors)
+    with progress_bar(8, "cells") as bar:
+        bar.update()
+        assert errors.getvalue() == ""
+        time.sleep(0.15)
+        bar.update(3)
+        assert "4/8" in errors.getvalue()
+    assert errors.getvalue().rpartition("\r")[0].rpartition("\r")[2].strip() == ""  # the last line is blank
 
 
 def test_each_step_of_an_episode_counts(monkeypatch: pytest.MonkeyPatch) -> None:
