@@ -35,6 +35,7 @@ keep_old_names(
         "ifdc": "paper_law.ifdc",
         "joint_reference": "joint_space.reference",
         "joint_tracking": "joint_space.tracking",
+        "predictive.guide": "predictive.reference_run",
         "shaping": "joint_space.shaping",
     },
 )

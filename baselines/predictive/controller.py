@@ -20,8 +20,8 @@ from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
 from flexarm_baselines.optimal.plan import Plan
-from flexarm_baselines.predictive.guide import Guide, previewed
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
+from flexarm_baselines.predictive.reference_run import ReferenceRun, previewed
 from flexarm_baselines.task import Task
 from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
@@ -42,7 +42,7 @@ REFERENCES = ("plan", "path")
 
 
 class PredictiveController(PlanController):
-    """Real-time iterations about a guide; what is known of the state is left to subclasses.
+    """Real-time iterations about a reference run; what is known of the state is left to subclasses.
 
     Attributes:
         iteration: see `RealTimeIteration`.
@@ -61,7 +61,7 @@ class PredictiveController(PlanController):
         damping: float = 0.0,
         step: float = STEP,
     ) -> None:
-        """Sweep along the guide.
+        """Sweep along the reference run.
 
         Args:
             task: see `Task`.
@@ -86,9 +86,9 @@ class PredictiveController(PlanController):
         if periods < 1 or abs(periods * task.period - horizon) > 1e-9:
             raise ValueError(f"horizon = {horizon!r}: must be a whole number of control periods of {task.period} s")
         self.iterations = integer("iterations", iterations, 1)
-        guide = Guide.along(self.plans, arm, periods, change_weight=change_weight)
+        runs = ReferenceRun.along(self.plans, arm, periods, change_weight=change_weight)
         number("damping", damping, "m^2", least=0.0)
-        self.iteration = RealTimeIteration(arm, guide, periods, task.torque_limit, task.period, step, damping)
+        self.iteration = RealTimeIteration(arm, runs, periods, task.torque_limit, task.period, step, damping)
 
     # --- what subclasses know ---------------------------------------------------------------------------------------
 
@@ -108,7 +108,7 @@ class PredictiveController(PlanController):
         Args:
             seen: the observations.
             belief: of this instant, before them.
-            run: places of the arms' runs in the guide. Shape (n,).
+            run: places of the arms' runs in `ReferenceRun`. Shape (n,).
         """
 
     def advance(self, belief: Memory, torque: Floats) -> Memory:
@@ -125,15 +125,15 @@ class PredictiveController(PlanController):
         return (run, np.zeros((len(seen), 2)), *prediction, *self.begin(seen, self.resting(seen, run)))
 
     def resting(self, seen: Seen, run: Array) -> Floats:
-        """Return states at rest where the encoders say, within half a turn of the guide. Shape (n, 4 + 4 m).
+        """Return states at rest where the encoders say, within half a turn of the reference run. Shape (n, 4 + 4 m).
 
-        An arm whose encoders read no numbers is taken to be where the guide is.
+        An arm whose encoders read no numbers is taken to be where the reference run is.
         """
-        guide = self.iteration.guide.states[run, self.period_of(seen)]
-        state = np.zeros_like(guide)
+        reference = self.iteration.runs.states[run, self.period_of(seen)]
+        state = np.zeros_like(reference)
         state[:, :2] = seen["joint_angles"]
-        state[:, :2] = chosen_rows(is_sound(state), state, guide)[:, :2]
-        off = state - guide
+        state[:, :2] = chosen_rows(is_sound(state), state, reference)[:, :2]
+        off = state - reference
         return state + within_half_a_turn(off) - off
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
@@ -227,7 +227,7 @@ class StateNMPC(PredictiveController):
     blocks: ClassVar[tuple[str, ...]] = ("state", "joint_angles", "lap_phase")
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
-        """Keep the whole turns by which the guide's angle of the shoulder differs from the observed one [rad]."""
+        """Keep the whole turns between the reference run's angle of the shoulder and the observed one [rad]."""
         turns = state[:, 0] - seen["joint_angles"][:, 0]
         return (np.where(np.isfinite(turns), turns, 0.0),)
 

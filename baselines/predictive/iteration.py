@@ -5,8 +5,8 @@ optimum (real-time iteration: Diehl, Bock and Schloeder, *A real-time iteration 
 optimal feedback control*, SIAM J. Control and Optimization 43, 2005). An iteration is one of `optimal.solver`: exact
 Jacobians, a backward sweep with box constraints (Tassa, Mansard and Todorov, ICRA 2014), and a roll-out from the
 present state under ``clip(u + alpha k + K (z - z0))`` for several alpha side by side. The cost of what follows the
-horizon is that along the guide, to second order. The guide's own feedback law is tried beside the steps, so that a
-prediction that went astray is left at once.
+horizon is that along the reference run, to second order. The reference run's own feedback law is tried beside the
+steps, so that a prediction that went astray is left at once.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
 from flexarm_baselines.optimal.solver import STEP_LENGTHS
 from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
 from flexarm_baselines.predictive import kernels
-from flexarm_baselines.predictive.guide import Guide
+from flexarm_baselines.predictive.reference_run import ReferenceRun
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 
-ALPHAS = STEP_LENGTHS[:-1]  # with the guide's law they fill the lanes of a roll-out
+ALPHAS = STEP_LENGTHS[:-1]  # with the reference run's law they fill the lanes of a roll-out
 
 
 class Instant(NamedTuple):
     """Where n arms are, each at an instant of its own.
 
     Attributes:
-        run: places of their runs in the guide. Shape (n,).
+        run: places of their runs in `ReferenceRun`. Shape (n,).
         period: control periods of the lap that begin. Shape (n,).
         state: s entries each. Shape (n, s).
         before: torques of the periods that end [N m]. Shape (n, 2).
@@ -45,15 +45,16 @@ class Instant(NamedTuple):
 
 
 class _Ahead(NamedTuple):
-    """What the guide says of the horizons of n arms, each of N periods.
+    """What the reference run says of the horizons of n arms, each of N periods.
 
     Attributes:
-        run: states and torques of the guide. Shapes (n, N + 1, s), (n, N, 2).
-        gains: its feedback, see `Guide`. Shape (n, N, 2, s + 2).
-        first: torque of the guide before the first period [N m]. Shape (n, 2).
+        run: states and torques of the reference run. Shapes (n, N + 1, s), (n, N, 2).
+        gains: its feedback, see `ReferenceRun`. Shape (n, N, 2, s + 2).
+        first: torque of the reference run before the first period [N m]. Shape (n, 2).
         reference: where the tip should be [m]. Shape (n, N + 1, 2).
         tip_weights: Shape (n, N + 1).
-        beyond: the cost of what follows, in the deviation from the guide's end. Shapes (n, s + 2), (n, s + 2, s + 2).
+        beyond: the cost of what follows, in the deviation from the reference run's end. Shapes (n, s + 2),
+            (n, s + 2, s + 2).
     """
 
     run: Rollout
@@ -93,7 +94,7 @@ class RealTimeIteration:
 
     Attributes:
         model: the arm.
-        guide: see `Guide`.
+        runs: of the plans that the predictions begin about.
         horizon: control periods, N.
         limits: largest torques [N m]. Shape (2,).
         damping: regularisation of the sweep, in units of a weight on changes of the torques [m^2].
@@ -103,7 +104,7 @@ class RealTimeIteration:
     def __init__(
         self,
         model: FlexibleArm,
-        guide: Guide,
+        runs: ReferenceRun,
         horizon: int,
         limits: tuple[float, float],
         period: float,
@@ -111,19 +112,19 @@ class RealTimeIteration:
         damping: float,
     ) -> None:
         """Keep all; see the attributes."""
-        self.model, self.guide, self.horizon = model, guide, horizon
+        self.model, self.runs, self.horizon = model, runs, horizon
         self.limits, self.period, self.step, self.damping = np.array(limits), period, step, damping
-        self._deflection_cost = float(guide.deflection_weight), float(guide.deflection_limit)
+        self._deflection_cost = float(runs.deflection_weight), float(runs.deflection_limit)
 
     def predicted(self, run: Array, period: Array) -> Rollout:
-        """Return runs of the guide over the horizon from control periods on.
+        """Return reference runs over the horizon from control periods on.
 
         Args:
-            run: places of the runs in the guide. Shape (n,).
+            run: places of the runs in `ReferenceRun`. Shape (n,).
             period: Shape (n,).
         """
         instants = period[:, None] + np.arange(self.horizon + 1)
-        return Rollout(self.guide.states[run[:, None], instants], self.guide.torques[run[:, None], instants[:, :-1]])
+        return Rollout(self.runs.states[run[:, None], instants], self.runs.torques[run[:, None], instants[:, :-1]])
 
     def improve(self, prediction: Rollout, now: Instant) -> Rollout:
         """Return better predictions, which begin at the present states; their first torques are what to apply.
@@ -147,14 +148,14 @@ class RealTimeIteration:
         return Rollout(states[arms, best], torques)
 
     def shifted(self, prediction: Rollout, now: Instant) -> Rollout:
-        """Return predictions from the next instant on; the guide's feedback law appends a period."""
-        guide, last = self.guide, now.period + self.horizon
+        """Return predictions from the next instant on; the reference run's feedback law appends a period."""
+        runs, last = self.runs, now.period + self.horizon
         states, torques = prediction
-        off = _end(prediction) - np.concatenate([guide.states[now.run, last], guide.torques[now.run, last - 1]], axis=1)
-        torque = guide.torques[now.run, last] + _times(guide.gains[now.run, last], off)
+        off = _end(prediction) - np.concatenate([runs.states[now.run, last], runs.torques[now.run, last - 1]], axis=1)
+        torque = runs.torques[now.run, last] + _times(runs.gains[now.run, last], off)
         torque = np.clip(torque, -self.limits, self.limits)
         state = self.model.step(states[:, -1], torque, self.period, step=self.step, **now.quantities)
-        state = chosen_rows(is_sound(state), state, guide.states[now.run, last + 1])
+        state = chosen_rows(is_sound(state), state, runs.states[now.run, last + 1])
         return Rollout(
             np.concatenate([states[:, 1:], state[:, None]], axis=1),
             np.concatenate([torques[:, 1:], torque[:, None]], axis=1),
@@ -163,17 +164,17 @@ class RealTimeIteration:
     # --- inside -----------------------------------------------------------------------------------------------------
 
     def _ahead(self, now: Instant) -> _Ahead:
-        """Look up what the guide says of the horizons."""
-        guide, last = self.guide, now.period + self.horizon
+        """Look up what the reference run says of the horizons."""
+        runs, last = self.runs, now.period + self.horizon
         instants = now.period[:, None] + np.arange(self.horizon + 1)
-        first = np.where(now.period[:, None] > 0, guide.torques[now.run, np.maximum(now.period, 1) - 1], 0.0)
+        first = np.where(now.period[:, None] > 0, runs.torques[now.run, np.maximum(now.period, 1) - 1], 0.0)
         return _Ahead(
             self.predicted(now.run, now.period),
-            guide.gains[now.run[:, None], instants[:, :-1]],
+            runs.gains[now.run[:, None], instants[:, :-1]],
             first,
-            guide.reference[instants],
-            guide.tip_weights[instants],
-            CostToGo(guide.slopes[now.run, last], guide.curvatures[now.run, last]),
+            runs.reference[instants],
+            runs.tip_weights[instants],
+            CostToGo(runs.slopes[now.run, last], runs.curvatures[now.run, last]),
         )
 
     def _sweep(self, prediction: Rollout, now: Instant, ahead: _Ahead, beyond: CostToGo) -> Sweep:
@@ -199,30 +200,30 @@ class RealTimeIteration:
             moved.by_torque,
             gradient,
             hessian,
-            self.guide.torque_weights,
+            self.runs.torque_weights,
             np.concatenate([now.before[:, None], torques], axis=1),
             defects=moved.state - states[:, 1:],
         )
-        lap = len(self.guide.reference) - 1 - self.horizon
+        lap = len(self.runs.reference) - 1 - self.horizon
         with np.errstate(over="ignore", invalid="ignore"):  # a prediction that is out of all bounds
             return sweep(quadratic, self.limits, 2.0 * self.damping / (lap * self.limits**2), beyond)
 
     def _roll_out(self, prediction: Rollout, now: Instant, ahead: _Ahead, found: Sweep) -> Rollout:
-        """Run the model from the present states under the guide's feedback law, and under all steps of the sweep.
+        """Run the model from the present states under the reference run's law, and under all steps of the sweep.
 
-        A sweep through a prediction that is out of all bounds may overflow; the guide's law takes the place of its
-        steps then.
+        A sweep through a prediction that is out of all bounds may overflow; the reference run's law then takes the
+        place of its steps.
         """
-        guided = _Law(np.zeros_like(found.forward), ahead.gains, *ahead.run, ahead.first)
+        reference_law = _Law(np.zeros_like(found.forward), ahead.gains, *ahead.run, ahead.first)
         steps = _Law(found.forward, found.gains, *prediction, now.before)
         sound = is_sound(found.gains) & is_sound(found.forward)
         if not sound.all():
-            chosen = (chosen_rows(sound, one, other) for one, other in zip(steps, guided, strict=True))
+            chosen = (chosen_rows(sound, one, other) for one, other in zip(steps, reference_law, strict=True))
             steps = _Law(*chosen)
         size, candidates = 2 * self.model.size, (len(sound), 1 + len(ALPHAS), self.horizon)
         forward, references = np.empty((*candidates, 2)), np.empty((*candidates, size))
         gains, torque_gains = np.empty((*candidates, 2, size)), np.empty((*candidates, 2, 2))
-        for law, lanes, lengths in ((guided, slice(0, 1), np.zeros(1)), (steps, slice(1, None), ALPHAS)):
+        for law, lanes, lengths in ((reference_law, slice(0, 1), np.zeros(1)), (steps, slice(1, None), ALPHAS)):
             forward[:, lanes] = law.offset[:, None] + lengths[:, None, None] * law.change[:, None]
             references[:, lanes] = law.states[:, None, :-1]
             gains[:, lanes] = law.gains[:, None, ..., :size]
@@ -252,7 +253,7 @@ class RealTimeIteration:
             self._deflection_cost,
             torques,
             now.before,
-            self.guide.torque_weights,
+            self.runs.torque_weights,
             result,
         )
         return result

@@ -16,9 +16,9 @@ from flexarm_baselines.predictive import (
     NMPC,
     UNKNOWN,
     GaugedNMPC,
-    Guide,
     Instant,
     RealTimeIteration,
+    ReferenceRun,
     StateNMPC,
     previewed,
 )
@@ -44,8 +44,8 @@ def plan() -> Plan:
 
 
 def iteration(plan: Plan, horizon: int, damping: float = 0.0) -> RealTimeIteration:
-    guide = Guide.along([plan], ARM, horizon, change_weight=WEIGHT)
-    return RealTimeIteration(ARM, guide, horizon, LIMITS, 0.01, 1e-3, damping)
+    runs = ReferenceRun.along([plan], ARM, horizon, change_weight=WEIGHT)
+    return RealTimeIteration(ARM, runs, horizon, LIMITS, 0.01, 1e-3, damping)
 
 
 def at(period: int, states: np.ndarray, torques: np.ndarray) -> Instant:

@@ -23,7 +23,7 @@ SIDES = ("positive", "negative")
 
 
 @dataclass(frozen=True)
-class Guide:
+class ReferenceRun:
     """Runs along a lap of P periods, one for each way in which an episode may begin, and the costs of what follows.
 
     All are prolonged by a horizon beyond the lap's end, where nothing costs anything. l runs; n entries of a state.
