@@ -66,7 +66,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     with pytest.MonkeyPatch.context() as patch:
-        if not any(item.iter_markers("slow")) and not any(item.iter_markers("compiled")):
+        if not any(any(item.iter_markers(name)) for name in ("slow", "compiled", "validation")):
             compile_what_is_shared(patch)
         _call_with_room(partial(runtestprotocol, item, nextitem=nextitem))
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)

@@ -1,23 +1,40 @@
-"""Bring docs/validation.md, its tables, docs/plant.md, pictures and record up to date from `results/validation`."""
+"""Bring docs/validation.md, docs/plant.md, their tables, pictures and record up to date after `make validate`.
+
+The report is pytest's, as JUnit XML; the properties of its tests hold checks, tables and quoted figures
+(`tests/validation/conftest.py`). The pictures lie beside it.
+"""
 
 from __future__ import annotations
 
 import json
 import shutil
 import sys
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from scripts.common.command_line import read_options, run
-from scripts.common.markdown import DOCS, filled, quoting
+from scripts.common.markdown import DOCS, filled, quoting, table
 from scripts.common.result_files import write_json
 from scripts.docs.quoted import of_validation
-from scripts.validation.checks import check_of
-from scripts.validation.groups import GROUPS
-from scripts.validation.runner import Outcome, table_of_all, table_of_group
 
+# Titles of the page's sections, by the modules and packages of tests/validation, in the order of the page.
+GROUPS = {
+    "links": "Single links",
+    "arm": "Two-link arm",
+    "engine": "Independent engine (MuJoCo)",
+    "cables": "Second engine (Exudyn)",
+    "two_engines": "Two engines compared",
+    "plant": "The default arm on the chain",
+    "controllers": "Controllers on the chain",
+    "smooth": "Smooth plans on the chain",
+    "drift": "Invariants over ten minutes",
+    "orders": "Orders of the integrators",
+    "steps": "Error of the integration step",
+    "coriolis": "The paper's dropped Coriolis terms",
+}
 PAGES = ("validation.md", "plant.md")
 TABLES = "developers/validation_tables.md"  # page of all checks
 QUOTING_PAGES = ("model.md", "../README.md")  # quote figures and show no table of the validation
@@ -29,58 +46,81 @@ PICTURES = Path("figures") / "validation"
 class Options:
     """Regenerate the tables and pictures of docs/validation.md and docs/plant.md."""
 
-    results: Path = Path("results/validation")
-    """A complete result folder of validate.py with default options."""
+    report: Path = Path("results/validation/report.xml")
+    """Report of `make validate`; its pictures are in the folder `figures` beside it."""
     docs: Path = DOCS
     """The folder to bring up to date."""
     part: bool = False
-    """Renew the groups that the results hold; the others stay as recorded."""
+    """Renew what the report holds; the rest stays as recorded."""
+
+
+def read(report: Path) -> dict[str, Any]:
+    """Return what a report holds: checks, and quoted figures and tables by group."""
+    groups: dict[str, Any] = {name: {"title": title, "quoted": {}, "tables": {}} for name, title in GROUPS.items()}
+    checks = []
+    for case in ET.parse(report).iter("testcase"):
+        group = case.attrib["classname"].removeprefix("tests.validation.").partition(".")[0].removeprefix("test_")
+        for entry in case.iter("property"):
+            value = json.loads(entry.attrib["value"])
+            if entry.attrib["name"] == "check":
+                checks.append({"group": group, **value})
+            else:
+                groups[group][{"quoted": "quoted", "table": "tables"}[entry.attrib["name"]]] |= value
+    return {"groups": groups, "checks": sorted(checks, key=lambda check: [*GROUPS].index(check["group"]))}
 
 
 def renewed(record: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Return a record with the groups of newer results, in the groups' order.
+    """Return a record with what a newer report holds.
 
     Args:
         record: that is committed.
-        found: what a part of the groups found.
+        found: what `read` returned.
     """
-    of = {group.name: found if group.name in found["groups"] else record for group in GROUPS}
-    of = {name: source for name, source in of.items() if name in source["groups"]}
-    checks = [check for name, source in of.items() for check in source["checks"] if check["group"] == name]
+    checks = {(check["group"], check["name"]): check for check in (*record["checks"], *found["checks"])}
+    groups = {
+        name: new | {what: record["groups"][name][what] | new[what] for what in ("quoted", "tables")}
+        for name, new in found["groups"].items()
+    }
     return {
-        "quick": record["quick"] or found["quick"],
-        "passed": all(check["passed"] for check in checks),
-        "groups": {name: source["groups"][name] for name, source in of.items()},
-        "checks": checks,
+        "groups": groups,
+        "checks": sorted(checks.values(), key=lambda check: [*GROUPS].index(check["group"])),
     }
 
 
 def tables_of(record: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of a record for the page, by their blocks' names."""
-    outcomes: list[Outcome] = []
-    tables: dict[str, str] = {}
-    for group in GROUPS:
-        plain = [{k: v for k, v in check.items() if k != "passed"} for check in record["checks"]]
-        checks = [check_of(check) for check in plain if check["group"] == group.name]
-        outcomes.append(Outcome(group, checks))
-        tables |= {group.name: table_of_group(checks), **record["groups"][group.name]["tables"]}
-    return {"summary": table_of_all(outcomes), **tables}
+    """Return the tables of a record as Markdown, by their blocks' names."""
+    tables, summary = {}, []
+    for name, group in record["groups"].items():
+        checks = [check for check in record["checks"] if check["group"] == name]
+        failed = [check["name"] for check in checks if not check["passed"]]
+        summary.append([group["title"], str(len(checks)), f"**failed**: {'; '.join(failed)}" if failed else "passed"])
+        rows = [[c["name"], *_figures(c), c["reason"], "passed" if c["passed"] else "**failed**"] for c in checks]
+        tables[name] = table(("check", "figure", "threshold", "why this threshold", ""), rows)
+        tables |= group["tables"]
+    return {"summary": table(("group", "checks", "verdict"), summary), **tables}
+
+
+def _figures(check: dict[str, Any]) -> tuple[str, str]:
+    """Write a check's figure and its threshold."""
+    least, most = (None if check[name] is None else f"{check[name]:.3g}" for name in ("least", "most"))
+    bounds = f"<= {most}" if least is None else f">= {least}" if most is None else f"{least} to {most}"
+    unit = f" {check['unit']}" if check["unit"] else ""
+    return f"{check['figure']:.3g}{unit}", f"{bounds}{unit}"
 
 
 def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.docs.validation", Options())
-    summary = options.results / "summary.json"
-    if not summary.exists():
-        sys.exit(f"error: results = {options.results}: no complete results there; run `make validate` first")
-    found = json.loads(summary.read_text())
-    for group in found["groups"].values():
-        del group["seconds"]  # the record tells what was found, not on which machine
-    new = [group for group in GROUPS if group.name in found["groups"]]
+    if not options.report.exists():
+        sys.exit(f"error: report = {options.report}: there is none; run `make validate` first")
+    found = read(options.report)
+    missing = {*GROUPS} - {check["group"] for check in found["checks"]}
+    if missing and not options.part:
+        sys.exit(f"error: report = {options.report}: lacks {', '.join(sorted(missing))}; --part renews the rest")
     if options.part:
         found = renewed(json.loads((options.docs / RECORD).read_text()), found)
-    if found["quick"] or set(found["groups"]) != {group.name for group in GROUPS}:
-        sys.exit(f"error: results = {options.results}: a quick run, or a part; the docs show the whole (see --part)")
+    if failed := [check["name"] for check in found["checks"] if not check["passed"]]:
+        sys.exit(f"error: report = {options.report}: checks failed: {'; '.join(failed)}")
     with TemporaryDirectory() as folder:
         for name, text in tables_of(found).items():
             (Path(folder) / f"{name}.md").write_text(text)
@@ -91,12 +131,10 @@ def main() -> None:
         page = options.docs / name
         page.write_text(quoting(page.read_text(), of_validation(found)))
     write_json(options.docs / RECORD, found)
-    target = options.docs / PICTURES
-    target.mkdir(parents=True, exist_ok=True)
-    names = [name for group in new for name in group.drawings]
-    for name in names:
-        shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{', '.join((*PAGES, TABLES, *QUOTING_PAGES, RECORD))} and {len(names)} pictures up to date")
+    pictures = sorted((options.report.parent / "figures").glob("*.png"))
+    for picture in pictures:
+        shutil.copyfile(picture, options.docs / PICTURES / picture.name)
+    print(f"{', '.join((*PAGES, TABLES, *QUOTING_PAGES, RECORD))} and {len(pictures)} pictures up to date")
 
 
 if __name__ == "__main__":

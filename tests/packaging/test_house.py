@@ -57,7 +57,7 @@ VIOLATIONS = (
     ("flexarm_agents/evaluation/scoring.py", "import flexarm_agents.training", "scoring -> flexarm_agents.training"),
     ("flexarm_agents/policies/load.py", "import torch", "flexarm_agents.policies.load -> torch"),
     ("flexarm_baselines/paper_law/flsac.py", "import flexarm_env", "paper_law.flsac -> flexarm_env"),
-    ("scripts/paper/tables.py", "import scripts.validation.checks", "scripts.paper.tables -> scripts.validation"),
+    ("scripts/paper/tables.py", "import scripts.analysis.tables", "scripts.paper.tables -> scripts.analysis"),
     ("scripts/common/markdown.py", "import scripts.paper", "scripts.common.markdown -> scripts.paper"),
 )
 

@@ -11,8 +11,8 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import PRESETS, arm_parameters
 from flexarm_env.simulation.stability import count_substeps
 from flexarm_env.simulation.step_error import BENT, TOLERANCE, enough_steps, expected_error
-from scripts.validation.steps import PERIOD, tip_errors
 from tests.support.refusals import refuses
+from tests.validation.test_steps import PERIOD, tip_errors
 
 EPISODES = 64
 RIGIDITY = 1676.0

@@ -1,1 +1,0 @@
-"""Independent models that frequencies are compared with: exact beams and finite elements."""

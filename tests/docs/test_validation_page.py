@@ -1,0 +1,58 @@
+"""docs/validation.md: what its record holds, and what the page's maker makes of a report."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scripts.common.markdown import DOCS, shown_blocks
+from scripts.docs import validation
+from tests.support.programs import ROOT, run_here
+
+RECORD = json.loads((DOCS / "validation.json").read_text())
+
+
+def test_the_pages_show_the_record() -> None:
+    """`make docs` brings them up to date."""
+    shown, tables = shown_blocks(), validation.tables_of(RECORD)
+    assert {name: shown[name] for name in tables} == tables
+    assert all(check["passed"] for check in RECORD["checks"])
+    assert tuple(RECORD["groups"]) == tuple(validation.GROUPS)
+
+
+def test_the_page_has_a_section_for_each_group_with_its_command_and_pictures() -> None:
+    page = (DOCS / "validation.md").read_text()
+    modules = {path.stem for path in (ROOT / "tests" / "validation").rglob("test_*.py")}
+    for title in validation.GROUPS.values():
+        section = page.partition(f"## {title}\n")[2].partition("\n## ")[0]
+        assert {*re.findall(r"test_\w+", section.partition("\n```\n")[0])} <= modules
+        pictures = re.findall(r"\]\((figures/validation/\w+\.png)\)", section)
+        assert pictures
+        assert all((DOCS / picture).exists() for picture in pictures)
+
+
+@pytest.mark.slow
+def test_the_page_is_renewed_by_a_part_of_the_checks(tmp_path: Path) -> None:
+    """The smallest group; its figures are those of the record, but for rounding."""
+    report, docs = tmp_path / "results" / "report.xml", tmp_path / "docs"
+    shutil.copytree(DOCS, docs)
+    shutil.copyfile(ROOT / "README.md", tmp_path / "README.md")
+    checks = ["tests/validation/test_links.py", "-m", "validation", f"--junitxml={report}"]
+    done = subprocess.run([sys.executable, "-m", "pytest", *checks], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert "5 checks" in done.stdout
+    status, _ = run_here("docs.validation", "--report", report, "--docs", docs)
+    assert status, "a part is not the whole"
+    status, said = run_here("docs.validation", "--report", report, "--docs", docs, "--part")
+    assert not status, said
+    assert "1 pictures" in said
+    found = json.loads((docs / "validation.json").read_text())
+    assert found["groups"] == RECORD["groups"]
+    for new, old in zip(found["checks"], RECORD["checks"], strict=True):
+        assert new == old | {"figure": pytest.approx(old["figure"], rel=0.02, abs=1e-10)}

@@ -1,0 +1,152 @@
+"""The torque programmes at several amplitudes, on MuJoCo's chain and on every model.
+
+A model's tip error is split by its order in the amplitude a. To first order both theories are the same, so what is
+first order, 8 e(a / 8), comes from the shapes' small number (modal truncation); the rest, e(a) - 8 e(a / 8), is the
+small-deflection assumption (and what it does to the truncated shapes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import DivergenceError
+from tests.validation.arms import chain_motion
+from tests.validation.motion import Motion, extrapolated, low_passed, model_motion, rms
+from tests.validation.programmes import MODELS, PROGRAMMES, Model, Programme
+
+Array = NDArray[np.float64]
+SMALLEST = 0.125
+AMPLITUDES = (SMALLEST, 0.25, 0.5, 1.0, 2.0, 4.0)
+FINEST = (20, 40)  # elements of the reference at amplitude 1; at the others half as many
+TOLERANCES = (0.01, 0.05)  # r.m.s. tip error that a limit allows [m]: about 0.1 and 0.5 % of the reach
+KINDS = {  # of programmes; a limit is the least of its kind
+    "smooth torques": ("multi_sine", "spin_up"),
+    "torques that jump": ("doublet", "bang_bang", "payload"),
+    "release": ("release",),
+}
+
+
+class Case(NamedTuple):
+    """A programme at an amplitude.
+
+    Attributes:
+        reference: the extrapolated chain.
+        chains: by number of elements.
+        errors: of each model, its motion less the reference; None for one that diverged.
+    """
+
+    reference: Motion
+    chains: dict[int, Motion]
+    errors: dict[Model, Motion | None]
+
+    def tip(self, model: Model) -> Array:
+        """Return the distance of a model's tip from the reference [m]; infinite if it diverged. Shape (n,)."""
+        error = self.errors[model]
+        return np.full(1, np.inf) if error is None else np.linalg.norm(error.tip, axis=1)
+
+    def rms(self, model: Model) -> float:
+        """Return the r.m.s. tip error of a model [m]."""
+        return rms(self.tip(model))
+
+    def angles(self, model: Model) -> float:
+        """Return the r.m.s. error of a model's low-passed joint angles [rad]."""
+        error = self.errors[model]
+        return np.inf if error is None else rms(np.linalg.norm(low_passed(error.joints), axis=1))
+
+    def chain_error(self, elements: int) -> Array:
+        """Return the distance of a chain's tip from the reference [m]. Shape (n,)."""
+        return np.linalg.norm(self.chains[elements].tip - self.reference.tip, axis=1)
+
+    def between_the_finest(self, smooth: bool) -> float:
+        """Return the largest difference of the two finest chains' joint angles, low-passed or as they are [rad]."""
+        angles = [chain.joints for chain in list(self.chains.values())[-2:]]
+        coarse, fine = map(low_passed, angles) if smooth else angles
+        return float(np.abs(fine - coarse).max())
+
+
+def compared(programme: Programme, elements: Sequence[int], models: Sequence[Model]) -> Case:
+    """Run a programme on chains and models.
+
+    Args:
+        programme: the programme.
+        elements: numbers of elements of the chains, each twice the one before; the last two make the reference.
+        models: the models that are compared with it.
+    """
+    chains = {n: chain_motion(programme, n) for n in elements}
+    reference = extrapolated(*list(chains.values())[-2:])
+    return Case(reference, chains, {model: _error(programme, model, reference) for model in models})
+
+
+def _error(programme: Programme, model: Model, reference: Motion) -> Motion | None:
+    try:
+        motion = model_motion(programme, model)
+    except DivergenceError:
+        return None
+    return Motion(*(ours - theirs for ours, theirs in zip(motion, reference, strict=True)))
+
+
+NAMES = tuple(programme.name for programme in PROGRAMMES)
+
+
+@cache
+def case(name: str, amplitude: float = 1.0) -> Case:
+    """Run a programme at an amplitude on all models."""
+    coarse = (FINEST[0] // 2, FINEST[0])
+    elements = (*coarse, FINEST[1]) if amplitude == 1.0 else coarse
+    return compared(PROGRAMMES[NAMES.index(name)].times(amplitude), elements, MODELS)
+
+
+def order(name: str, model: Model) -> float:
+    """Return the order of growth of a model's tip error from amplitude 1/2 to 1."""
+    return float(np.log2(case(name).rms(model) / case(name, 0.5).rms(model)))
+
+
+def parts(name: str, model: Model) -> tuple[float, float] | None:
+    """Return the parts of a model's tip error at amplitude 1: of first order, and the rest [m]. None: it diverged."""
+    whole, small = case(name).errors[model], case(name, SMALLEST).errors[model]
+    if whole is None or small is None:
+        return None
+    first = small.tip / SMALLEST
+    return rms(np.linalg.norm(first, axis=1)), rms(np.linalg.norm(whole.tip - first, axis=1))
+
+
+def limits(model: Model) -> dict[str, float | None]:
+    """Find the deflections, as parts of a link's length, at which a model's r.m.s. error passes each tolerance.
+
+    Between amplitudes a power law is assumed. None: not within the amplitudes tried.
+    """
+    found = {}
+    for kind, names in KINDS.items():
+        for tolerance in TOLERANCES:
+            curves = [[(case(n, a).reference.bend, case(n, a).rms(model)) for a in AMPLITUDES] for n in names]
+            passed = [limit for curve in curves if (limit := crossing(curve, tolerance)) is not None]
+            found[f"{kind}, {1e3 * tolerance:g} mm"] = min(passed, default=None)
+    return found
+
+
+def crossing(curve: Sequence[tuple[float, float]], tolerance: float) -> float | None:
+    """Return the deflection at which an error passes a tolerance.
+
+    Args:
+        curve: deflections and errors [m].
+        tolerance: [m].
+    """
+    curve = sorted(curve)
+    bend, error = curve[0]
+    if error > tolerance:
+        return bend * tolerance / error  # of first order below
+    for (bend, error), (more, worse) in zip(curve, curve[1:], strict=False):
+        if error <= tolerance < worse:
+            share = np.log(tolerance / error) / np.log(worse / error)  # 0 for a model that diverges
+            return float(bend * (more / bend) ** share)
+    return None
+
+
+def tried(kind: str) -> float:
+    """Return how far links were bent in a kind of programme: in that of its programmes which bent them least."""
+    return min(max(case(name, a).reference.bend for a in AMPLITUDES) for name in KINDS[kind])

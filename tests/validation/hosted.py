@@ -1,0 +1,124 @@
+"""The environment of a policy around any arm, so that the package's own drivers make what the policy sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.chain.gauges import Gauges
+from flexarm_env.codegen.arrays import Four
+from flexarm_env.envs.drawing import Drawing, drawing_of
+from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.physics.coordinates import rigid_tip
+from flexarm_env.physics.sensing import Truth
+from tests.validation.arms import Plant
+from tests.validation.programmes import HELD
+
+Array = NDArray[np.float64]
+
+
+class AnyArm:
+    """An arm of the studies as that of an environment (`flexarm_env.envs.hosted.Plant`); it keeps where the tip was.
+
+    Encoders and the late sensor read the arm itself, strain gauges that part of its bending which the environment's own
+    shapes can express (`flexarm_env.chain.gauges`).
+
+    Attributes:
+        torque: that acted last [N m]. Shape (2,).
+    """
+
+    def __init__(self, arm: Plant, settings: Settings) -> None:
+        """Take an arm that is where the episode begins.
+
+        Raises:
+            ValueError: for a sensor that is not at the end of link 2, or an integration step that `HELD` does not
+                divide.
+        """
+        own = settings.flexible_arm
+        if settings.sensor != "true" or settings.sensor_position != own.parameters.link_lengths[1]:
+            raise ValueError(
+                f"settings: the sensor must read the end of link 2, got sensor = {settings.sensor!r} at "
+                f"{settings.sensor_position} m"
+            )
+        self._periods = round(settings.control_period / settings.substeps / HELD)
+        if not np.isclose(self._periods * HELD * settings.substeps, settings.control_period):
+            raise ValueError(f"settings: their physics step must be a multiple of {HELD} s")
+        self._arm, self._settings, self._gauges = arm, settings, Gauges(own)
+        self._tips: list[Array] = []
+        self.torque = np.zeros(2)
+
+    def taken(self) -> Array:
+        """Return where the tip was every `HELD` since the last call. Shape (n, 2)."""
+        tips, self._tips = self._tips, []
+        return np.concatenate(tips)
+
+    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+        """See `envs.hosted.Plant.begin`.
+
+        Raises:
+            ValueError: if the arm is somewhere else.
+        """
+        joints = self._arm.look().joints
+        if not np.allclose(joints, state[:2], atol=1e-9):
+            raise ValueError(f"arm: must be at {state[:2]} rad, where the episode begins, is at {joints}")
+
+    def advance(self, command: Array, reference: Four | None) -> Array:
+        """See `envs.hosted.Plant.advance`."""
+        self.torque = np.array(command)
+        self._tips.append(self._arm.advance(command, self._periods))
+        return command
+
+    def readings(self) -> Array:
+        """See `envs.hosted.Plant.readings`."""
+        return self._arm.end()
+
+    def encoders(self) -> Array:
+        """See `envs.hosted.Plant.encoders`."""
+        sight = self._arm.look()
+        return np.concatenate([sight.joints, sight.rates])
+
+    def truth(self) -> Truth:
+        """See `envs.hosted.Plant.truth`; the deflection is that of the settings' arm in its state."""
+        sight, state = self._arm.look(), self._gauges.state(self._arm.bend())
+        own = self._settings.flexible_arm
+        deflections = [own.tip_deflection(half) for half in np.split(state, 2)]
+        return Truth(
+            state=state.tolist(),
+            true_tip=sight.tip.tolist(),
+            rigid_tip=rigid_tip(own.parameters.link_lengths, sight.joints).tolist(),
+            deflection=deflections[0].tolist(),
+            deflection_rate=deflections[1].tolist(),
+        )
+
+    def drawing(self) -> Drawing:
+        """See `envs.hosted.Plant.drawing`; the settings' arm in its state."""
+        return drawing_of(self._settings, self._gauges.state(self._arm.bend()))
+
+
+class HostedEnv(FlexArmEnv):
+    """An environment around an arm of the studies; it ends no episode early.
+
+    Attributes:
+        host: the arm.
+    """
+
+    host: AnyArm
+
+    def __init__(self, arm: Plant, **options: Any) -> None:
+        """Lay it out.
+
+        Args:
+            arm: where the episode begins.
+            **options: fields of `Settings`.
+        """
+        self._given = arm
+        super().__init__(**(options | {"deflection_limit": None, "error_limit": None}))
+
+    def _simulator_of(self, settings: Settings) -> HostedSimulator:
+        self.host = AnyArm(self._given, settings)
+        return HostedSimulator(settings, self.host)

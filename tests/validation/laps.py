@@ -1,0 +1,207 @@
+"""Laps of any arm under controllers: those of the registry, shipped agents, feedback along a plan.
+
+Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
+part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). All but the feedback along a
+plan see it through the drivers of their own environment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import count
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_agents.board.rows import Row
+from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
+from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
+from flexarm_env.chain.gauges import Gauges
+from flexarm_env.laps import LAPS, SETTLED
+from flexarm_env.predictor import predictor
+from tests.validation.arms import EngineChain, Modal, Plant
+from tests.validation.hosted import HostedEnv
+from tests.validation.motion import apart, rms
+from tests.validation.programmes import HELD
+
+Array = NDArray[np.float64]
+PERIODS = 10  # `HELD` in a control period of 100 Hz
+SECONDS = 16.0  # of a lap
+ERROR_LIMIT = 2.5  # [m], that of the environments
+# What feedback may do without exciting vibrations that its model does not have; the baselines' own weights, which
+# ask for ten times the stiffness, do excite them.
+GENTLE = RegulatorWeights(tip=0.03, speed=1.0)
+WEIGHTS = {"plan with gentle feedback": GENTLE, "plan with aggressive feedback": GOOD}
+DEFAULT, FOUR = "3 polynomials", "4 polynomials"
+MODELS = {f"{n} polynomials": ArmParameters(modes_per_link=n) for n in (2, 3, 4)}
+ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
+COARSE, CHAIN, FINER = (f"chain, {n} elements" for n in (*ELEMENTS, 2 * ELEMENTS[1]))
+
+
+class Lap(NamedTuple):
+    """A lap under a controller.
+
+    Attributes:
+        tip: every `HELD`. Shape (n, 2).
+        torque: of each control period [N m]. Shape (k, 2).
+        states: of each model asked for, at each control instant.
+    """
+
+    tip: Array
+    torque: Array
+    states: list[Array]
+
+    @property
+    def miss(self) -> Array:
+        """The distance from the reference at each control instant [m]. Shape (k + 1,)."""
+        times = HELD * PERIODS * np.arange(len(self.torque) + 1)
+        return apart(self.tip[::PERIODS], square(SquareParameters()).position(times))
+
+    @property
+    def score(self) -> float:
+        """The r.m.s. distance as the benchmark takes it [mm]."""
+        return 1e3 * rms(self.miss)
+
+    @property
+    def score_after_2s(self) -> float:
+        """The same after 2 s [mm]."""
+        return 1e3 * rms(self.miss[round(SETTLED / (HELD * PERIODS)) :])
+
+    @property
+    def torque_change(self) -> float:
+        """The r.m.s. change of the shoulder's torque from one control period to the next [N m]."""
+        return rms(np.diff(self.torque[:, 0]))
+
+    @property
+    def lost(self) -> bool:
+        """Whether an environment would have ended the episode."""
+        return bool(self.miss.max() > ERROR_LIMIT)
+
+
+class Away(NamedTuple):
+    """How far two tips are apart over a run [mm]."""
+
+    rms: float
+    maximum: float
+    after_2s: float
+
+    def __str__(self) -> str:
+        """Write it for a table."""
+        return f"{self.rms:.3g} / {self.after_2s:.3g}"
+
+
+def away(tip: Array, other: Array) -> Away:
+    """Return how far two tips are apart, as long as both run."""
+    found = 1e3 * apart(tip, other)
+    return Away(rms(found), float(found.max()), rms(found[round(SETTLED / HELD) :]))
+
+
+class Period(NamedTuple):
+    """A control period.
+
+    Attributes:
+        torque: that acted [N m]. Shape (2,).
+        tip: after each `HELD` of it [m]. Shape (n, 2).
+    """
+
+    torque: Array
+    tip: Array
+
+
+class Controller(Protocol):
+    """Drives an arm."""
+
+    def begin(self, plant: Plant) -> Callable[[], Period]:
+        """Take an arm at rest on the first corner; return a function that does the next control period."""
+
+
+def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] = (), seconds: float = SECONDS) -> Lap:
+    """Run a controller on an arm at rest on its first corner.
+
+    Args:
+        controller: the controller.
+        plant: the arm.
+        models: their states are read off the arm.
+        seconds: length of the run [s].
+    """
+    gauges = [Gauges(arm) for arm in models]
+    tips, torques = [plant.look().tip[None]], []
+    states: list[list[Array]] = [[] for _ in models]
+    next_period = controller.begin(plant)
+    for _ in range(round(seconds / (HELD * PERIODS))):
+        for gauge, rows in zip(gauges, states, strict=True):
+            rows.append(gauge.state(plant.bend()))
+        torque, tip = next_period()
+        torques.append(torque)
+        tips.append(tip)
+    return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states])
+
+
+class Hosted:
+    """A controller of the registry or a shipped agent, in its environment; nothing is drawn, sensors have no noise."""
+
+    def __init__(self, source: str, lap: str) -> None:
+        """Make it for a lap; its name is the board's."""
+        self._row, self._lap = Row(source), lap
+
+    def begin(self, plant: Plant) -> Callable[[], Period]:
+        """See `Controller`."""
+        policy = self._row.candidate(fresh=not self._row.batched).policy
+        env = HostedEnv(plant, **self._row.interface)
+        predict = predictor(policy, deterministic=True)
+        seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))
+        memory, start = None, np.ones(1, dtype=bool)
+
+        def do_period() -> Period:
+            nonlocal seen, memory, start
+            action, memory = predict(seen, memory, start)
+            start = np.zeros(1, dtype=bool)
+            seen = env.step(action)[0]
+            return Period(env.host.torque, env.host.taken())
+
+        return do_period
+
+
+class Regulator:
+    """Feedback along a plan for the default arm."""
+
+    def __init__(self, lap: str, weights: RegulatorWeights, change_weight: float = CHANGE_WEIGHT) -> None:
+        """Plan the lap with a weight on changes of the torques (`TrackingProblem`), and compute the gains."""
+        self.plan = _plan(lap, change_weight)
+        self._regulator = PlanRegulator(self.plan, weights)
+        self._gauges = Gauges(self.plan.arm)
+
+    def begin(self, plant: Plant) -> Callable[[], Period]:
+        """See `Controller`."""
+        times = (n * HELD * PERIODS for n in count())
+
+        def do_period() -> Period:
+            torque = self._regulator.torque(next(times), self._gauges.state(plant.bend()))
+            return Period(torque, plant.advance(torque, PERIODS))
+
+        return do_period
+
+
+@cache
+def _plan(lap: str, change_weight: float) -> Plan:
+    return plan_lap(FlexibleArm(), lap, change_weight=change_weight)
+
+
+def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) -> Plant:
+    """Set an arm at rest on the first corner of a lap: a chain, or without `elements` the assumed-modes arm."""
+    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], LAPS[lap].elbow_branch)
+    if elements is None:
+        model = Modal(FlexibleArm(parameters))
+        model.state[:2] = joints
+        return model
+    chain = EngineChain(elements, parameters)
+    chain.place(joints)
+    return chain
+
+
+def default_chain(lap: str, elements: int = ELEMENTS[1]) -> Plant:
+    """Set a chain of the default arm on the first corner of a lap."""
+    return on_corner(ArmParameters(), lap, elements)

@@ -1,0 +1,78 @@
+"""The package's arm in small motion about rest: its frequencies, by shapes and joints that are locked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigh
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.parameters import ModeShapes
+
+Array = NDArray[np.float64]
+
+MODES = (1, 2, 3, 4)
+BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that a link may bend in
+SHAPES = [(basis, modes) for basis in BASES for modes in MODES]
+COUNT = 4  # frequencies that are compared
+
+
+class Case(NamedTuple):
+    """Frequencies of one problem [rad/s].
+
+    Attributes:
+        exact: of the beams.
+        found: of the package, by shapes and their number; fewer if it has no more.
+    """
+
+    exact: Array
+    found: Mapping[tuple[str, int], Array]
+
+    def errors(self, basis: str, modes: int) -> Array:
+        """Return found over exact, minus 1."""
+        found = self.found[basis, modes]
+        return found / self.exact[: len(found)] - 1.0
+
+    @property
+    def least_error(self) -> float:
+        """The smallest error of any shapes."""
+        return min(float(self.errors(*shapes).min()) for shapes in SHAPES)
+
+    @property
+    def growth(self) -> float:
+        """The largest growth of a frequency with one more mode, relative."""
+        pairs = [(self.found[b, m], self.found[b, m + 1]) for b, m in SHAPES if m < MODES[-1]]
+        return max(float((more[: len(fewer)] / fewer - 1.0).max()) for fewer, more in pairs)
+
+
+def with_shapes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:
+    """Make the same arm, undamped, in so many shapes a link."""
+    return FlexibleArm(replace(parameters, modes_per_link=modes, damping_ratio=0.0, mode_shapes=basis))
+
+
+def frequencies(arm: FlexibleArm, theta2: float, moving: Sequence[int], zeros: int) -> Array:
+    """Return the lowest frequencies above `zeros` at 0 [rad/s], `COUNT` of them if the arm has as many.
+
+    Args:
+        arm: the arm.
+        theta2: elbow angle [rad].
+        moving: the coordinates that are free; all others are held.
+        zeros: how many of the frequencies are 0.
+    """
+    n, state = arm.size, np.zeros(2 * arm.size)
+    state[1] = theta2
+    mass = arm.mass_matrix(state[:n])
+    stiffness = -mass @ arm.linearise(state).A[n:, :n]
+    free = np.ix_(moving, moving)
+    squares = eigh(0.5 * (stiffness + stiffness.T)[free], mass[free], eigvals_only=True)
+    return np.sqrt(squares[zeros : zeros + COUNT])
+
+
+def rate(sizes: ArrayLike, errors: ArrayLike) -> float:
+    """Return p of ``error ~ size^-p``, by least squares on logarithms."""
+    slope, _ = np.polynomial.polynomial.polyfit(np.log(sizes), np.log(errors), 1)[::-1]
+    return -float(slope)

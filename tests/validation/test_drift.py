@@ -1,0 +1,252 @@
+"""Energy and angular momentum of the undamped free arm over ten minutes of simulated time, by integration step.
+
+The classical Runge-Kutta method takes a vibration at omega for one that loses the part ``(omega h)^6 / 72`` of its
+energy in every step h, so ``omega^6 h^5 / 72`` a second: the arm's fastest frequency gives a bound. The angular
+momentum is the sum of two of the momenta that are integrated. No inner force changes that sum: it is kept to rounding.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.parameters import Kinematics, ModeShapes
+from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline
+from tests.validation.conftest import Page
+from tests.validation.small_motion import rate
+
+pytestmark = [pytest.mark.validation, pytest.mark.slow]
+
+Array = NDArray[np.float64]
+
+DURATION = 600.0  # simulated time [s]
+RECORDED = 0.1  # [s]
+BENT, SPINNING, BOTH = STARTS = ("bent", "spinning", "bent and spinning")
+STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+ROUNDING = 1e-9  # of ten million steps, 1e-16 each, and room
+WHY_MOMENTUM = "no inner force changes the sum of the two momenta, in any stage; rounding of up to ten million steps"
+FLOOR = 1e-13  # below it, rounding; for the picture
+
+
+class Case(NamedTuple):
+    """One run."""
+
+    modes: int
+    start: str
+    step: float
+    kinematics: Kinematics = "linear"
+    shapes: ModeShapes = "cantilever"
+    damping: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """The arm in words."""
+        kind = "" if self.kinematics == "linear" else f"{self.kinematics}, "
+        return f"{kind}{self.modes} {'polynomial' if self.shapes == 'polynomial' else 'mode'}{'s' * (self.modes > 1)}"
+
+    def arm(self) -> FlexibleArm:
+        """Build the arm."""
+        fields = {"damping_ratio": self.damping, "kinematics": self.kinematics, "mode_shapes": self.shapes}
+        return FlexibleArm(ArmParameters.linear(modes_per_link=self.modes, **fields))
+
+
+class Drift(NamedTuple):
+    """What a run shows.
+
+    Attributes:
+        energy: over that of the start, minus 1, every `RECORDED`.
+        momentum: change of the angular momentum over what the arm would have if it turned stiffly with all its energy.
+        fastest: the arm's fastest rate [rad/s].
+        bound: part of the energy that is lost if all of it vibrates at that rate.
+    """
+
+    energy: Array
+    momentum: Array
+    fastest: float
+    bound: float
+
+
+FORESHORTENED: list[tuple[int, ModeShapes, tuple[str, ...], tuple[float, ...]]] = [
+    (2, "cantilever", (BENT, BOTH), (5e-4, 2.5e-4)),
+    (2, "polynomial", (BENT, BOTH), (5e-4, 2.5e-4)),
+    (3, "cantilever", (BOTH,), (2.5e-4, 1.25e-4)),
+]
+UNDAMPED = [
+    *(Case(m, start, step) for m in (1, 2) for start in STARTS for step in STEPS),
+    # 3 and 4 modes, whose fastest rates ask for shorter steps: one start, two steps
+    *(Case(3, BOTH, step) for step in (2.5e-4, 1.25e-4)),
+    *(Case(4, BOTH, step) for step in (1.25e-4, 6.25e-5)),
+    *(
+        Case(m, a, h, "foreshortened", shapes)
+        for m, shapes, starts, steps in FORESHORTENED
+        for a in starts
+        for h in steps
+    ),
+]
+DAMPED = Case(2, BOTH, 1e-3, damping=ArmParameters.linear().damping_ratio)
+# where the bound, 10 % or less, says something
+BOUNDED = [
+    ("1 mode", 1e-3),
+    ("1 mode", 5e-4),
+    ("1 mode", 2.5e-4),
+    ("2 modes", 2.5e-4),
+    ("3 modes", 1.25e-4),
+    ("4 modes", 6.25e-5),
+    ("foreshortened, 2 modes", 2.5e-4),
+    ("foreshortened, 2 polynomials", 2.5e-4),
+    ("foreshortened, 3 modes", 1.25e-4),
+]
+
+
+@cache
+def drift(case: Case) -> Drift:
+    """Run a case over ten minutes."""
+    arm = case.arm()
+    start = start_state(arm, case.start)
+    run = arm.simulate(start, None, DURATION, RECORDED, round(RECORDED / case.step))
+    total = run.kinetic_energy + run.strain_energy
+    inertia = arm.mass_matrix(start[: arm.size])[0, 0]
+    momentum = arm.angular_momentum(run.state) / np.sqrt(2.0 * total[0] * inertia)
+    bound = loss_bound(arm, case.step, DURATION)
+    return Drift(total / total[0] - 1.0, momentum - momentum[0], arm.fastest_rate(), bound)
+
+
+def start_state(arm: FlexibleArm, start: str) -> Array:
+    """Elbow at 1 rad; tips bent by 0.3 and -0.2 m in the first shape; joints turning at 1 and -0.7 rad/s."""
+    m, n = arm.parameters.modes_per_link, arm.size
+    state = np.zeros(2 * n)
+    state[1] = 1.0
+    if "bent" in start:
+        state[2], state[2 + m] = 0.3 / arm.modes[0].tip_values[0], -0.2 / arm.modes[1].tip_values[0]
+    if "spinning" in start:
+        state[n : n + 2] = 1.0, -0.7
+    return state
+
+
+def loss_bound(arm: FlexibleArm, step: float, duration: float) -> float:
+    """Return the part of the energy that is lost if all of it vibrates at the arm's fastest frequency."""
+    return -float(np.expm1(-duration * arm.fastest_rate() ** 6 * step**5 / 72.0))
+
+
+def largest(change: Array) -> float:
+    """Return the largest magnitude."""
+    return float(np.abs(change).max())
+
+
+def runs(label: str, **wanted: Any) -> list[Case]:
+    """Return the undamped cases of an arm."""
+    own = [case for case in UNDAMPED if case.label == label]
+    return [case for case in own if all(getattr(case, name) == value for name, value in wanted.items())]
+
+
+@pytest.mark.parametrize(("label", "step"), BOUNDED)
+def test_energy_drifts_within_the_methods_bound(label: str, step: float, page: Page) -> None:
+    """The worst of all starts."""
+    found = [drift(case) for case in runs(label, step=step)]
+    fastest = f"at the arm's fastest rate ({found[0].fastest:.3g} rad/s)"
+    page.check(
+        f"energy, {label}, {1e3 * step:g} ms: largest relative change",
+        max(largest(one.energy) for one in found),
+        f"the method's own loss of a vibration {fastest}, omega^6 h^5 / 72 a second",
+        most=found[0].bound + ROUNDING,
+    )
+
+
+def test_damping_keeps_angular_momentum(page: Page) -> None:
+    what = "angular momentum of the damped linear arm, 2 modes, 1 ms: largest change"
+    page.check(what, largest(drift(DAMPED).momentum), WHY_MOMENTUM, most=ROUNDING)
+
+
+def test_undamped_arms_keep_angular_momentum(page: Page) -> None:
+    found = max(largest(drift(case).momentum) for case in UNDAMPED)
+    page.check("angular momentum of the undamped arms, any step: largest change", found, WHY_MOMENTUM, most=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    "label", ["1 mode", "foreshortened, 2 modes", "foreshortened, 2 polynomials", "foreshortened, 3 modes"]
+)
+def test_the_drift_is_of_fifth_order(label: str, page: Page) -> None:
+    """The arm of one mode from the bent start, the foreshortened arms from each of theirs."""
+    one = label == "1 mode"
+    orders = []
+    for start in (BENT,) if one else dict.fromkeys(case.start for case in runs(label)):
+        own = runs(label, start=start)
+        orders.append(rate([1.0 / case.step for case in own], [largest(drift(case).energy) for case in own]))
+    page.check(
+        f"order of the energy's drift in the step, {label}, {'bent start' if one else 'that furthest from 5'}",
+        max(orders, key=lambda order: abs(order - 5.0)),
+        "a loss of (omega h)^6 / 72 in each of 1 / h steps a second: order 5",
+        least=4.7,
+        most=5.3,
+    )
+
+
+# --- table and pictures -----------------------------------------------------------------------------------------------
+
+
+def test_table(page: Page) -> None:
+    """Largest changes by arm and step, worst of all starts."""
+    steps = sorted({case.step for case in UNDAMPED}, reverse=True)
+    rows = []
+    for label in dict.fromkeys(case.label for case in UNDAMPED):
+        cells = []
+        for step in steps:
+            found = [drift(case) for case in runs(label, step=step)]
+            worst = [
+                max(map(largest, changes)) for changes in zip(*((d.energy, d.momentum) for d in found), strict=True)
+            ]
+            cells.append(" / ".join(f"{value:.3g}" for value in worst))
+        rows.append([label, *cells])
+    page.table("drift_steps", ("undamped arm", *(f"{1e3 * step:g} ms" for step in steps)), rows)
+    for case in (*UNDAMPED, DAMPED):
+        name = f"{case.label}, {case.start}, {1e3 * case.step:g} ms, {case.damping:g}"
+        page.quote({f"energy, {name}": largest(drift(case).energy), f"momentum, {name}": largest(drift(case).momentum)})
+
+
+def test_picture_over_time(page: Page) -> None:
+    """Bent and spinning starts of the undamped arm with 1 and 2 modes."""
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.8), sharey=True)
+    for axis, label in zip(axes, ("1 mode", "2 modes"), strict=True):
+        for case, colour in zip(runs(label, start=BOTH), COLOURS, strict=False):
+            found = np.maximum(np.abs(drift(case).energy), FLOOR)[1:]
+            time = RECORDED / 60.0 * np.arange(1, len(found) + 1)
+            axis.semilogy(time, found, color=colour, linewidth=0.9, label=f"{1e3 * case.step:g} ms")
+        axis.set(title=f"{label} a link", xlabel="simulated time [min]")
+    axes[0].set_ylabel("energy: relative change [1]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncol=4, title="step")
+    headline(figure, "Drift of an undamped arm that bends and spins, by the integrator's step")
+    page.picture(figure, "drift_time")
+
+
+def test_picture_by_step(page: Page) -> None:
+    """Largest change of energy by step, every arm and start."""
+    figure, axis = plt.subplots(figsize=(WIDTH, 5.6))
+    marks = dict(zip(STARTS, "os^", strict=True))
+    for k, label in enumerate(dict.fromkeys(case.label for case in UNDAMPED)):
+        look: dict[str, Any] = {
+            "color": COLOURS[k % len(COLOURS)],
+            "linestyle": "--" if "foreshortened" in label else "-",
+        }
+        for start, mark in marks.items():
+            own = runs(label, start=start)
+            found = [largest(drift(case).energy) for case in own]
+            axis.loglog([1e3 * case.step for case in own], found, marker=mark, markersize=5, **look)
+        bounds = {1e3 * case.step: drift(case).bound for case in runs(label)}
+        axis.loglog(list(bounds), list(bounds.values()), color=look["color"], linestyle=":", linewidth=1.4)
+        axis.plot([], [], label=label, **look)
+    for start, mark in marks.items():
+        axis.plot([], [], color=SOFT, marker=mark, linestyle="", label=start)
+    axis.plot([], [], color=SOFT, linestyle=":", label="bound $\\omega^6 h^5 T / 72$")
+    figure.legend(loc="outside lower left", ncol=3)
+    axis.set(ylabel="energy: largest relative change [1]", xlabel="step [ms]")
+    axis.set_title("Drift of energy over ten minutes by the integrator's step")
+    ticks = sorted({1e3 * case.step for case in UNDAMPED})
+    axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    axis.minorticks_off()
+    page.picture(figure, "drift_step")

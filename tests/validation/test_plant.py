@@ -1,0 +1,198 @@
+"""The default arm on the chain: laps under agents, along the best plans and under the paper's laws; damping."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.extras import install_command
+from flexarm_env.laps import LAPS
+
+pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
+
+from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE
+from tests.validation import laws
+from tests.validation.arms import Modal
+from tests.validation.conftest import Page
+from tests.validation.lap_pictures import over_time
+from tests.validation.laps import (
+    CHAIN,
+    COARSE,
+    DEFAULT,
+    ELEMENTS,
+    MODELS,
+    PERIODS,
+    WEIGHTS,
+    Away,
+    Controller,
+    Hosted,
+    Lap,
+    Regulator,
+    away,
+    default_chain,
+    on_corner,
+    run_lap,
+)
+from tests.validation.programmes import HELD
+
+pytestmark = [pytest.mark.validation, pytest.mark.slow]
+
+Array = NDArray[np.float64]
+STUDENT = "student of unknown arms"
+AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
+GENTLE, AGGRESSIVE = WEIGHTS
+CONTROLLERS = (*AGENTS, *WEIGHTS)
+FORMER = "linear, 2 modes"
+ARMS = MODELS | {FORMER: ArmParameters.linear()}
+AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
+DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}
+DAMPED_ELEMENTS = (5, 10, 20)
+
+
+@cache
+def controller(lap: str, name: str) -> Controller:
+    """Return the controller of a lap."""
+    return Hosted(AGENTS[name], lap) if name in AGENTS else Regulator(lap, WEIGHTS[name])
+
+
+@cache
+def lap_of(lap: str, name: str, plant: str) -> Lap:
+    """Run a controller on a chain, off which models' states are read if it is the finer one, or on a model."""
+    if plant in ARMS:
+        return run_lap(controller(lap, name), on_corner(ARMS[plant], lap))
+    models = [FlexibleArm(parameters) for parameters in MODELS.values()] if plant == CHAIN else []
+    return run_lap(controller(lap, name), default_chain(lap, ELEMENTS[plant == CHAIN]), models)
+
+
+def from_chain(lap: str, name: str, plant: str) -> Away:
+    """Return how far an arm's tip is from the finer chain's."""
+    return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
+
+
+# --- along the best plans ---------------------------------------------------------------------------------------------
+
+
+def test_the_chain_has_converged(page: Page) -> None:
+    page.check(
+        "the plain lap under gentle feedback: the coarser chain from the finer one, r.m.s.",
+        from_chain("plain", GENTLE, COARSE).rms,
+        "a choice: a tenth of the 10 mm that the validity range allows a model",
+        "mm",
+        most=1.0,
+    )
+
+
+def test_the_default_arm_follows_the_chain(page: Page) -> None:
+    page.check(
+        "the plain lap under gentle feedback: the default arm from the chain, r.m.s.",
+        from_chain("plain", GENTLE, DEFAULT).rms,
+        "a choice: the 10 mm that the validity range allows a model",
+        "mm",
+        most=10.0,
+    )
+
+
+def test_the_default_arm_is_better_than_the_linear_one(page: Page) -> None:
+    page.check(
+        "the same, linear arm over default arm",
+        from_chain("plain", GENTLE, FORMER).rms / from_chain("plain", GENTLE, DEFAULT).rms,
+        "a choice: the default arm must have at most a quarter of the error",
+        least=4.0,
+    )
+
+
+def half_a_second_ahead(lap: str, name: str, model: str) -> float:
+    """Return how far a model's tip is off half a second after it was set on the chain's state, median [mm]."""
+    chain, arm = lap_of(lap, name, CHAIN), FlexibleArm(MODELS[model])
+    states = chain.states[list(MODELS).index(model)]
+    periods, found = round(AHEAD / (HELD * PERIODS)), []
+    for first in range(0, len(chain.torque) - periods + 1, round(EVERY / (HELD * PERIODS))):
+        plant = Modal(arm)
+        plant.state = states[first]
+        tip = plant.follow(np.repeat(chain.torque[first : first + periods], PERIODS, axis=0))[-1]
+        found.append(np.linalg.norm(tip - chain.tip[(first + periods) * PERIODS]))
+    return 1e3 * float(np.median(found))
+
+
+def test_table_of_laps(page: Page) -> None:
+    others, rows = [COARSE, *(plant for plant in ARMS if plant != DEFAULT)], []
+    for lap in LAPS:
+        for name in CONTROLLERS:
+            laps = {plant: lap_of(lap, name, plant) for plant in (*ARMS, COARSE, CHAIN)}
+            apart = {plant: from_chain(lap, name, plant) for plant in laps}
+            own, chain = laps[DEFAULT], laps[CHAIN]
+            scores = f"{own.score:.1f}, {chain.score:.1f}"
+            changes = f"{own.torque_change:.3g}, {chain.torque_change:.3g}"
+            rows.append([lap, name, *(f"{apart[plant].rms:.3g}" for plant in (DEFAULT, *others)), scores, changes])
+            for plant, found in laps.items():
+                which = f"{lap}, {name}, {plant}"
+                figures = {"score": found.score, "score_after_2s": found.score_after_2s}
+                figures |= {} if plant == CHAIN else apart[plant]._asdict()
+                figures |= {"ahead median": half_a_second_ahead(lap, name, plant)} if plant in MODELS else {}
+                page.quote({f"{which}, {what}": x for what, x in figures.items()})
+                page.quote({f"{which}, torque change": found.torque_change})
+    first, last = "default arm: from the chain, r.m.s. [mm]", "score on the default arm, on the chain [mm]"
+    page.table("plant_control", ["lap", "controller", first, *others, last, "torque change there, r.m.s. [N m]"], rows)
+
+
+def test_picture(page: Page) -> None:
+    """Distance from the chain over time under gentle feedback along the plan."""
+    looks = zip(ARMS, ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm"), strict=True)
+    colours = (GREEN, BLUE, COLOURS[5], ORANGE)
+    lines = {}
+    for (plant, text), colour in zip(looks, colours, strict=True):
+        for lap in LAPS:
+            tips = (lap_of(lap, GENTLE, one).tip[::PERIODS] for one in (plant, CHAIN))
+            lines[lap, (text, colour)] = np.linalg.norm(np.subtract(*tips), axis=1)
+    title = "Distance of each model's tip from the MuJoCo chain's along the best plans"
+    page.picture(over_time(lines, title), "plant_distance")
+
+
+# --- the paper's laws -------------------------------------------------------------------------------------------------
+
+
+@cache
+def under_the_laws() -> dict[str, dict[str, Away]]:
+    """Run the paper's laws on undamped arms; the distance is from the extrapolated chain."""
+    fine, truth = laws.on_chains()
+    tips = {name: laws.on_model(replace(arm, damping_ratio=0.0)) for name, arm in ARMS.items()} | {CHAIN: fine}
+    return {name: {law: away(found[law], truth[law]) for law in laws.LAWS} for name, found in tips.items()}
+
+
+def test_the_default_arm_follows_the_chain_under_the_papers_laws(page: Page) -> None:
+    page.check(
+        "the paper's laws, undamped: the default arm from the chain, r.m.s.",
+        max(found.rms for found in under_the_laws()[DEFAULT].values()),
+        "a choice: three times the 10 mm of the validity range, since the stiff law excites modes beyond the arm's",
+        "mm",
+        most=30.0,
+    )
+    for name, found in under_the_laws().items():
+        page.quote({f"{law}, {name}, rms": one.rms for law, one in found.items()})
+        page.quote({f"{law}, {name}, maximum": one.maximum for law, one in found.items()})
+
+
+# --- damping ----------------------------------------------------------------------------------------------------------
+
+
+def test_table_of_damping(page: Page) -> None:
+    """A student on chains of more and more elements, damped by their material or by 1 % of every mode."""
+    agent, rows = Hosted(AGENTS[STUDENT], "swing"), []
+    for damping, arm in DAMPED.items():
+        last: Lap | None = None
+        for count in DAMPED_ELEMENTS:
+            found = run_lap(agent, on_corner(arm, "swing", count))
+            coarser = None if last is None else away(found.tip, last.tip).rms
+            scores = f"{found.score:.1f} / {found.score_after_2s:.1f}"
+            moved = "" if coarser is None else f"{coarser:.3g}"
+            rows.append([damping, str(count), scores, moved, f"{found.torque_change:.3g}"])
+            figures = {"score": found.score} | ({} if coarser is None else {"from_coarser": coarser})
+            page.quote({f"{damping}, {count} elements, {what}": x for what, x in figures.items()})
+            last = found
+    header = ("damping", "elements a link", "score [mm]: lap / after 2 s", "from the coarser one [mm]: r.m.s.")
+    page.table("plant_damping", [*header, "torque change, r.m.s. [N m]"], rows)
