@@ -47,11 +47,6 @@ def test_fewer_modes_are_the_first_of_more(link: LinkModes) -> None:
         np.testing.assert_array_equal(link_modes(L, EI, RHO, count, A).frequencies, link.frequencies[:count])
 
 
-def test_frequencies_of_the_papers_link(link: LinkModes) -> None:
-    figures, last_digits = np.array([12.281, 76.96, 215.5]), np.array([1e-3, 1e-2, 1e-1])
-    assert np.all(np.abs(link.frequencies[:3] - figures) <= 0.5 * last_digits)
-
-
 @given(
     length=st.floats(0.1, 20.0),
     rigidity=st.floats(1.0, 1e6),
@@ -194,16 +189,6 @@ def test_polynomial_shapes_are_clamped_and_end_like_the_cantilevers(polynomial: 
     np.testing.assert_allclose(polynomial.tip_values, link.tip_values, rtol=1e-12)
     # they can carry a moment there, the cantilever's modes cannot
     assert np.abs(polynomial.curvature(L)).max() > polynomial.curvature(0.0)[0]
-
-
-def test_polynomial_frequencies_are_upper_bounds_that_fall_with_their_number(link: LinkModes) -> None:
-    """Rayleigh and Ritz: each further shape lowers each frequency, never below the beam's."""
-    found = [link_modes(L, EI, RHO, count, A, "polynomial").frequencies for count in (1, 2, 3, 4)]
-    for fewer, more in zip(found, found[1:], strict=False):
-        assert np.all(more[: len(fewer)] < fewer)
-    assert np.all(found[-1] > link.frequencies)
-    # four polynomials hold the first mode almost, and the second within a percent
-    assert np.all(found[-1][:2] < link.frequencies[:2] * (1.0 + np.array([1e-5, 1e-2])))
 
 
 def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:

@@ -1,6 +1,5 @@
 """The torque-driven run: conserved quantities, order, symmetries, limits (the equations: test_dynamics)."""
 
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -50,17 +49,6 @@ def test_energy_of_the_free_undamped_arm_drifts_like_the_methods_error(
     assert drift[0] / drift[1] == pytest.approx(32.0, rel=0.1)
 
 
-def test_papers_velocity_forces_do_not_conserve_energy() -> None:
-    """C_r leaves out what balances the modal rates: the reason why the project's default is the complete forces."""
-    gains = []
-    for variant in ("complete", "rigid"):
-        arm = FlexibleArm(loaded_arm(2, velocity_forces=variant, **FREE))
-        energy = energies(arm.simulate(start_of(arm), None, 0.5, step=1e-2, substeps=40))
-        gains.append(np.ptp(energy) / energy[0])
-    assert gains[0] < 1e-7
-    assert gains[1] > 1.0  # seen: ninefold
-
-
 @pytest.mark.parametrize(("modes", "kinematics"), [(1, "linear"), (2, "linear"), (2, "foreshortened")])
 def test_angular_momentum_is_conserved_without_shoulder_torque(modes: int, kinematics: str) -> None:
     """An elbow torque, elbow friction and modal damping are internal: they cannot change it."""
@@ -72,19 +60,6 @@ def test_angular_momentum_is_conserved_without_shoulder_torque(modes: int, kinem
     assert np.ptp(energies(run)) > 0.1 * energies(run)[0]  # something did happen
     # No linear invariant: the method keeps it to its own error at h omega = 0.05. Seen: 6e-10 of the size.
     assert drift < 1e-8 * size
-
-
-@pytest.mark.parametrize("modes", [1, 2])
-def test_energy_gained_is_the_work_of_held_torques(modes: int) -> None:
-    """A torque held over a step works its value times the joint's turn: no rule of integration comes in."""
-    arm = FlexibleArm(loaded_arm(modes, **FREE))
-    held = np.random.default_rng(0).normal(size=(200, 2)) * 30.0
-    run = arm.simulate(start_of(arm), held, 2.0, step=1e-2, substeps=80)
-    work = np.cumsum(np.sum(held * np.diff(run.state[:, :2], axis=0), axis=1))
-    gained = energies(run)[1:] - energies(run)[0]
-    assert np.ptp(work) > 10.0
-    # the integrator's drift at h omega = 0.01, 3e-9 of the energy; seen 4e-8 J of 106 J
-    np.testing.assert_allclose(gained, work, atol=1e-8 * energies(run).max())
 
 
 def test_energy_gained_is_the_work_of_a_torque_function() -> None:
@@ -106,51 +81,11 @@ def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, floa
     assert energy[-1] < 0.9 * energy[0]
 
 
-# --- the method -------------------------------------------------------------------------------------------------------
-
-
-def reference(
-    arm: FlexibleArm, start: np.ndarray, torque: Callable[[float, np.ndarray], object], until: float
-) -> np.ndarray:
-    """Find the state at `until` by another method (DOP853) and another evaluation of the equations (no kernel)."""
-
-    def rate(time: float, state: np.ndarray) -> np.ndarray:
-        return np.concatenate([state[arm.size :], arm.acceleration(state, np.asarray(torque(time, state)))])
-
-    return solve_ivp(rate, (0.0, until), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+# --- the method (its order: tests/validation/test_orders.py) -----------------------------------------------------------
 
 
 def observed_orders(errors: list[float]) -> np.ndarray:
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-
-
-def test_a_torque_function_keeps_the_order_four() -> None:
-    arm = FlexibleArm(loaded_arm(2))
-    start = start_of(arm)
-    exact = reference(arm, start, swing, 0.2)
-    errors = [
-        float(np.abs(arm.simulate(start, swing, 0.2, step=1e-2, substeps=n).state[-1] - exact).max())
-        for n in (8, 16, 32)
-    ]
-    # at h omega = 0.1 to 0.03 the next order's share is below a tenth of an order
-    np.testing.assert_allclose(observed_orders(errors), 4.0, atol=0.2)
-    assert errors[-1] < 2e-6
-
-
-@pytest.mark.parametrize("variant", ["complete", "rigid"])
-def test_held_torques_keep_the_order_four(variant: str) -> None:
-    arm = FlexibleArm(loaded_arm(2, velocity_forces=variant))
-    start = start_of(arm)
-    held = np.random.default_rng(0).normal(size=(20, 2)) * 30.0
-    exact = start
-    for torque in held:
-        exact = reference(arm, exact, lambda time, state, torque=torque: torque, 0.01)
-    errors = [
-        float(np.abs(arm.simulate(start, held, 0.2, step=1e-2, substeps=n).state[-1] - exact).max())
-        for n in (8, 16, 32)
-    ]
-    np.testing.assert_allclose(observed_orders(errors), 4.0, atol=0.2)
-    assert errors[-1] < 2e-6
 
 
 def test_a_constant_function_is_a_held_torque() -> None:

@@ -8,7 +8,7 @@ import pytest
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.settings import Settings
-from flexarm_env.parameters import PRESETS, arm_parameters
+from flexarm_env.parameters import PRESETS
 from flexarm_env.simulation.stability import count_substeps
 from flexarm_env.simulation.step_error import BENT, TOLERANCE, enough_steps, expected_error
 from tests.support.refusals import refuses
@@ -68,16 +68,6 @@ def test_linear_kinematics_keep_it_under_torques_that_bend_them_little(seed: int
     limits = (0.3 * shoulder, 0.3 * elbow)
     count = enough_steps(parameters, limits, PERIOD, stable_steps(parameters))
     assert np.median(measured(parameters, limits, count, seed)) < 2.0 * TOLERANCE
-
-
-@pytest.mark.parametrize("name", ["default", "linear"])
-def test_presets_keep_it_in_the_environment(name: str) -> None:
-    settings = Settings.of({"arm": name})
-    found, expected = measured(arm_parameters(name), TORQUE_LIMIT, settings.substeps, 5), settings.integration
-    assert expected.expected_error is not None
-    # of 240 episodes with seed 77: median 0.040 and 0.079 mm, expected 0.048 and 0.082; largest 0.7 and 160 mm
-    assert np.median(found) < (2.0 if name == "default" else 5.0) * expected.expected_error
-    assert np.quantile(found, 0.9) < (5e-4 if name == "default" else 2e-2)
 
 
 def test_an_undamped_arm_keeps_its_energy() -> None:

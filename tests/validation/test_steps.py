@@ -23,7 +23,7 @@ from flexarm_env.simulation.step_error import HELD, SECONDS, TOLERANCE
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
 from tests.validation.conftest import Page
 
-pytestmark = [pytest.mark.validation, pytest.mark.slow]
+pytestmark = pytest.mark.validation
 
 Array = NDArray[np.float64]
 PERIOD, SEED, EPISODES = 0.01, 20081, 200
