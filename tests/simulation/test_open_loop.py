@@ -81,7 +81,7 @@ def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, floa
     assert energy[-1] < 0.9 * energy[0]
 
 
-# --- the method (its order: tests/validation/test_orders.py) -----------------------------------------------------------
+# --- the method; its order: tests/validation/test_orders.py ----------------------------------------------------------
 
 
 def observed_orders(errors: list[float]) -> np.ndarray:
