@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import gymnasium
 import mujoco
@@ -24,6 +23,7 @@ from flexarm_env import (
 )
 from flexarm_env.chain.law import Pair, TipLaw
 from tests.validation.arms import EngineChain
+from tests.validation.kept import kept
 from tests.validation.programmes import HELD
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def on_model(parameters: ArmParameters) -> dict[str, Array]:
     return {name: run.tip for name, run in zip(LAWS, runs, strict=True)}
 
 
-@cache
+@kept
 def on_chains() -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the tip under each law, every `HELD`, of the finer chain and of an infinitely fine one. Shape (n, 2)."""
     coarse, fine = ({law: law_lap(n, law) for law in LAWS} for n in ELEMENTS)

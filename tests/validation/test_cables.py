@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ from flexarm_env.extras import install_command
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
 from tests.validation import recorded
 from tests.validation.conftest import Page
+from tests.validation.kept import kept
 from tests.validation.motion import Motion, apart, rms
 
 pytest.importorskip(
@@ -29,7 +28,7 @@ FINEST = 24
 TENTH = "a choice: a tenth of the 1 mm that the models are asked for"
 
 
-@cache
+@kept
 def motion(name: str, elements: int = ELEMENTS, step: float = STEP, axial_stiffness: float = AXIAL_STIFFNESS) -> Motion:
     """Run a programme."""
     return cable_motion(recorded.cases()[name], elements, step, axial_stiffness)

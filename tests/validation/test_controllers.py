@@ -19,6 +19,7 @@ pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from scripts.common.plotting import COLOURS, INK, SOFT
 from tests.validation.conftest import Page
+from tests.validation.kept import kept
 from tests.validation.lap_pictures import over_time
 from tests.validation.laps import (
     CHAIN,
@@ -70,7 +71,7 @@ def torques(lap: str) -> Array:
     return run_lap(Regulator(lap, GENTLE), default_chain(lap), seconds=START).torque
 
 
-@cache
+@kept
 def pushed(lap: str, share: float, plant: str) -> tuple[Array, float]:
     """Apply a share of a lap's first torques open loop; return tips, and the largest deflection of a link [m].
 
@@ -114,7 +115,7 @@ def test_table_of_starts(page: Page) -> None:
 # --- whole laps -------------------------------------------------------------------------------------------------------
 
 
-@cache
+@kept
 def lap_of(lap: str, name: str, plant: str) -> Lap:
     """Run a controller on the chain or on a model."""
     return run_lap(Hosted(name, lap), on_start(lap, plant))
@@ -167,12 +168,17 @@ def test_picture(page: Page) -> None:
     page.picture(over_time(lines, title), "controllers_distance")
 
 
-def test_chattering_scores_by_the_chains_step(page: Page) -> None:
-    """On `FlexArm/SquareChain-v0`, where the damping of the fastest vibrations depends on the integration step."""
+@kept
+def chattering(lap: str, step: float) -> float | None:
+    """Return the score on `FlexArm/SquareChain-v0` with an integration step [mm]; None if the lap ended early."""
     row = Row(CHATTERS)
-    for step in CHAIN_STEPS:
-        env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
-        for lap in LAPS:
-            score = summary(run_policy(env, row.candidate().policy, lap=lap)).get("true_tip_rms")
-            page.quote({} if score is None else {f"{lap}, {CHATTERS}, {step:g} s": 1e3 * score})
-        env.close()
+    env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
+    score = summary(run_policy(env, row.candidate().policy, lap=lap)).get("true_tip_rms")
+    env.close()
+    return None if score is None else 1e3 * score
+
+
+def test_chattering_scores_by_the_chains_step(page: Page) -> None:
+    """The damping of the fastest vibrations depends on the integration step."""
+    found = {f"{lap}, {CHATTERS}, {step:g} s": chattering(lap, step) for step in CHAIN_STEPS for lap in LAPS}
+    page.quote({name: score for name, score in found.items() if score is not None})

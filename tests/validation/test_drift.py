@@ -7,7 +7,6 @@ momentum is the sum of two of the momenta that are integrated. No inner force ch
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
@@ -19,6 +18,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import Kinematics, ModeShapes
 from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline
 from tests.validation.conftest import Page
+from tests.validation.kept import kept
 from tests.validation.small_motion import rate
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
@@ -104,7 +104,7 @@ BOUNDED = [
 ]
 
 
-@cache
+@kept
 def drift(case: Case) -> Drift:
     """Run a case over ten minutes."""
     arm = case.arm()

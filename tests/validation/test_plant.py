@@ -19,6 +19,7 @@ from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE
 from tests.validation import laws
 from tests.validation.arms import Modal
 from tests.validation.conftest import Page
+from tests.validation.kept import kept
 from tests.validation.lap_pictures import over_time
 from tests.validation.laps import (
     CHAIN,
@@ -60,7 +61,7 @@ def controller(lap: str, name: str) -> Controller:
     return Hosted(AGENTS[name], lap) if name in AGENTS else Regulator(lap, WEIGHTS[name])
 
 
-@cache
+@kept
 def lap_of(lap: str, name: str, plant: str) -> Lap:
     """Run a controller on a chain, off which models' states are read if it is the finer one, or on a model."""
     if plant in ARMS:
@@ -180,13 +181,19 @@ def test_the_default_arm_follows_the_chain_under_the_papers_laws(page: Page) -> 
 # --- damping ----------------------------------------------------------------------------------------------------------
 
 
+@kept
+def damped(damping: str, elements: int) -> Lap:
+    """Run a student on a chain with one kind of damping."""
+    return run_lap(Hosted(AGENTS[STUDENT], "swing"), on_corner(DAMPED[damping], "swing", elements))
+
+
 def test_table_of_damping(page: Page) -> None:
     """A student on chains of more and more elements, damped by their material or by 1 % of every mode."""
-    agent, rows = Hosted(AGENTS[STUDENT], "swing"), []
-    for damping, arm in DAMPED.items():
+    rows = []
+    for damping in DAMPED:
         last: Lap | None = None
         for count in DAMPED_ELEMENTS:
-            found = run_lap(agent, on_corner(arm, "swing", count))
+            found = damped(damping, count)
             coarser = None if last is None else away(found.tip, last.tip).rms
             scores = f"{found.score:.1f} / {found.score_after_2s:.1f}"
             moved = "" if coarser is None else f"{coarser:.3g}"

@@ -15,6 +15,7 @@ pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from scripts.common.plotting import BLUE, COLOURS, WIDTH, headline
 from tests.validation.conftest import Page
+from tests.validation.kept import kept
 from tests.validation.laps import (
     DEFAULT,
     FOUR,
@@ -42,7 +43,7 @@ def regulator(lap: str, weight: float) -> Regulator:
     return Regulator(lap, GENTLE, weight)
 
 
-@cache
+@kept
 def lap_of(lap: str, weight: float, plant: str) -> Lap:
     """Follow a plan on the chain or on a model."""
     arm = default_chain(lap) if plant == "chain" else on_corner(MODELS[plant], lap)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from tests.validation.engine.study import TOLERANCES, Case, compared
+from tests.validation.kept import kept
 from tests.validation.programmes import Model, Programme
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ def kick(time: Array) -> Array:
     return np.column_stack([5.0 * wave, -1.5 * wave])
 
 
-@cache
+@kept
 def spinning(spin: float, strength: float) -> Case:
     """Run chain and models over 1 s after a kick; `spin`: of `FIRST_CLAMPED`."""
     rate = spin * FIRST_CLAMPED

@@ -8,7 +8,6 @@ small-deflection assumption (and what it does to the truncated shapes).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import DivergenceError
 from tests.validation.arms import chain_motion
+from tests.validation.kept import kept
 from tests.validation.motion import Motion, extrapolated, low_passed, model_motion, rms
 from tests.validation.programmes import MODELS, PROGRAMMES, Model, Programme
 
@@ -93,7 +93,7 @@ def _error(programme: Programme, model: Model, reference: Motion) -> Motion | No
 NAMES = tuple(programme.name for programme in PROGRAMMES)
 
 
-@cache
+@kept
 def case(name: str, amplitude: float = 1.0) -> Case:
     """Run a programme at an amplitude on all models."""
     coarse = (FINEST[0] // 2, FINEST[0])
