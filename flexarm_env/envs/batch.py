@@ -29,7 +29,7 @@ from flexarm_env.envs.kernel_inputs import (
 from flexarm_env.envs.observation import common_layout, sensors_of
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import draws
+from flexarm_env.episode import initial_conditions
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
 from flexarm_env.kernels.layout import beginning_sizes
 from flexarm_env.kernels.status import failures
@@ -283,4 +283,4 @@ def block_lanes(count: int, threads: int) -> int:
     return min(COSTS, key=time)
 
 
-START_CODES = {name: getattr(draws, name.upper()) for name in STARTS}
+START_CODES = {name: getattr(initial_conditions, name.upper()) for name in STARTS}

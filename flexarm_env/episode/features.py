@@ -56,25 +56,25 @@ class Features(NamedTuple):
     frame_axis: list[Any]
 
 
-def features(known: Measurements) -> Features:
+def features(measured: Measurements) -> Features:
     """Compute all parts of observations from the measurements."""
-    theta1, theta2 = known.encoders[:2]
+    theta1, theta2 = measured.encoders[:2]
     one, two = sincos(theta1), sincos(theta2)
     both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
-    axis = [known.frame * one[1] + (1.0 - known.frame), known.frame * one[0]]
-    tip = [known.lengths[0] * one[n] + known.lengths[1] * both[n] for n in (1, 0)]
-    error, error_rate = joint_errors(known.reference_joints, known.encoders)
-    lap = sincos(TURN * known.phase)
+    axis = [measured.frame * one[1] + (1.0 - measured.frame), measured.frame * one[0]]
+    tip = [measured.lengths[0] * one[n] + measured.lengths[1] * both[n] for n in (1, 0)]
+    error, error_rate = joint_errors(measured.reference_joints, measured.encoders)
+    lap = sincos(TURN * measured.phase)
     return Features(
         directions=[two[1], two[0], one[1], one[0]],
         joint_error=error,
         joint_error_rate=error_rate,
-        encoder_error=in_frame(axis, [known.reference[r] - tip[r] for r in (0, 1)]),
-        reference=in_frame(axis, known.reference[:2]),
-        reference_velocity=in_frame(axis, known.reference[2:]),
-        link_sensor=in_frame(axis, known.link_sensor),
-        sensor_error=in_frame(axis, known.sensor_error),
-        sensor_error_rate=in_frame(axis, known.sensor_error_rate),
+        encoder_error=in_frame(axis, [measured.reference[r] - tip[r] for r in (0, 1)]),
+        reference=in_frame(axis, measured.reference[:2]),
+        reference_velocity=in_frame(axis, measured.reference[2:]),
+        link_sensor=in_frame(axis, measured.link_sensor),
+        sensor_error=in_frame(axis, measured.sensor_error),
+        sensor_error_rate=in_frame(axis, measured.sensor_error_rate),
         phase=[lap[1], lap[0]],
         frame_axis=axis,
     )

@@ -8,8 +8,8 @@ from __future__ import annotations
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
-from flexarm_env.episode.draws import is_moving
 from flexarm_env.episode.further_sensors import draw_biases, further_reference
+from flexarm_env.episode.initial_conditions import is_moving
 from flexarm_env.episode.sensor import joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting

@@ -38,10 +38,10 @@ from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for,
 from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
-FINAL_REST = 0.25  # of the lap; the rest after the move back (`draws.draw_moves`)
+FINAL_REST = 0.25  # of the lap; the rest after the move back (`initial_conditions.draw_moves`)
 
 
-def take_actions(arena: Arena, actions: Actions, first: int, header: Words) -> None:
+def push_actions(arena: Arena, actions: Actions, first: int, header: Words) -> None:
     """Write the actions of a block, limited to [-1, 1], in front of the earlier ones, and their squared change."""
     newest = row.TAIL + 2 * header[word.PREVIEWS]
     make_room(arena, header, newest)

@@ -15,7 +15,7 @@ from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.episode.actuation import drive
 from flexarm_env.episode.first_readings import begin_sensors
-from flexarm_env.episode.observe import observe, take_actions
+from flexarm_env.episode.observe import observe, push_actions
 from flexarm_env.episode.reset import reset_lanes
 from flexarm_env.kernels.delay_line import fill_history, store_reading
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, setting, word
@@ -83,7 +83,7 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
         return
     if driving and deciding:
         actions = array_at(memory, header[word.ACTIONS], (first + variant.lanes, header[word.CHANNELS]), np.float32)
-        take_actions(arena, actions, first, header)
+        push_actions(arena, actions, first, header)
         drive(arena, history, clock, paths, header, settings)
     if starting and deciding:
         reset_lanes(memory, arena, clock, paths, header, settings, first, started)

@@ -13,16 +13,16 @@ def features_record(variant: Variant) -> Recorder:
     """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
-    known = features.Measurements(
+    measured = features.Measurements(
         **{name: r.read(name.upper()) for name in names},
         lengths=(r.trace.number("length_1"), r.trace.number("length_2")),
         phase=r.one("PHASE"),
         frame=r.one("LINK_FRAME"),
     )
-    found = features.features(known)
+    found = features.features(measured)
     for name, values in found._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
-    errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.encoders)
+    errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), measured.encoders)
     r.write("F_PRESENT_JOINT_ERROR", errors)
     r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
     for name in ("FURTHER_READING", "FURTHER_ERROR") if variant.further_points else ():

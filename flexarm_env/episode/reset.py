@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: `draws` chooses them, this module sets the lanes, `first_readings` the delay line.
+"""Drivers that begin episodes: `initial_conditions` draws them, this module sets the lanes, `first_readings` the past.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_env.codegen.arrays import Arena, Clock, Mask, Memory, Paths, ResetRequest, Table, Words
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
-from flexarm_env.episode.draws import (
+from flexarm_env.episode.initial_conditions import (
     PLACE_SPREAD,
     draw_branch,
     draw_moves,

@@ -30,7 +30,7 @@ def step_only(memory: Memory) -> bool:
     if not is_acceptable(memory):
         return False
     step_block(memory, 0, True, True)
-    forget_start(memory)
+    clear_reset_flag(memory)
     return True
 
 
@@ -52,7 +52,7 @@ def step_half(memory: Memory, moved: bool) -> bool:
         return False
     step_block(memory, 0, not moved, moved)
     if moved:
-        forget_start(memory)
+        clear_reset_flag(memory)
     return True
 
 
@@ -68,7 +68,7 @@ def is_acceptable(memory: Memory) -> bool:
     return True
 
 
-def forget_start(memory: Memory) -> None:
+def clear_reset_flag(memory: Memory) -> None:
     """Note that the only environment's episode has begun."""
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     array_at(memory, header[word.STARTS], (1,), np.bool_)[0] = False

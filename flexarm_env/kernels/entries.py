@@ -221,7 +221,7 @@ class ReadingRow(FixedNames):
 class Column(FixedNames):
     """Columns of a reset request; NaN where the environment decides."""
 
-    START = Entry("how it starts (`draws.CORNER`)", "1")
+    START = Entry("how it starts (`initial_conditions.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
     PATH = Entry("which of the named paths", "1")
     BRANCH = Entry("see `LaneSetting`", "1")

@@ -13,7 +13,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import draws, sensor, write_observation
+from flexarm_env.episode import initial_conditions, sensor, write_observation
 from flexarm_env.episode.step import GAIN, TORQUE
 from flexarm_env.kernels import (
     delay_line,
@@ -133,7 +133,7 @@ def test_a_reset_request_names_what_an_episode_draws() -> None:
     request[entries.column.DRAWN + drawn.PAYLOAD_MASS], request[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
     arena = memory["ARENAS"][0]
     with plain_python(simulator._variant):
-        draws.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], request, 1)
+        initial_conditions.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], request, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
     parameters = ArmParameters.linear(modes_per_link=1, payload_mass=0.75)
