@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import fields
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from flexarm_env.allowed import Allowed, Flag, Integer, Number, OneOf, Optional, Pair, allowed_of
 from flexarm_env.envs.settings import Settings
+from tests.envs.test_options import MESSAGES
 from tests.support.envs import SQUARE, make
+from tests.support.refusals import refuses
 
 
 def test_lists_as_json_has_them_are_tuples() -> None:
@@ -50,3 +55,37 @@ def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -
         with pytest.raises(TypeError, match=expected) as caught:
             made()
         assert len(str(caught.value)) < 250
+
+
+def wrong_values(name: str, allowed: Allowed) -> list[tuple[Any, type[Exception], str]]:
+    """Return values that a declaration does not allow, with the error and its message; none for functions' checks."""
+    if isinstance(allowed, Optional):
+        return wrong_values(name, allowed.other)
+    if isinstance(allowed, Pair):
+        each = wrong_values(f"{name}[1]", Number(allowed.least, allowed.most, allowed.unit))
+        pairs = [((allowed.least, value), error, message) for value, error, message in each]
+        return [*pairs, (0.5, TypeError, f"{name} = 0.5: must be a pair of numbers [{allowed.unit}]")]
+    if isinstance(allowed, Number):
+        unit = f" [{allowed.unit}]" if allowed.unit else ""
+        rule = f"must be a finite number and >= {allowed.least} and <= {allowed.most}{unit}"
+        beyond = [math.nextafter(allowed.least, -math.inf), math.nextafter(allowed.most, math.inf), math.nan]
+        wrong = [(value, ValueError) for value in beyond] + [(value, TypeError) for value in ("1", True)]
+        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
+    if isinstance(allowed, Integer):
+        rule = f"must be an integer from {allowed.least} to {allowed.most}"
+        wrong = [(allowed.least - 1, ValueError), (allowed.most + 1, ValueError), (1.0, TypeError), (True, TypeError)]
+        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
+    if isinstance(allowed, OneOf):
+        rule = f"must be one of {', '.join(map(repr, allowed.names))}"
+        return [(value, ValueError, f"{name} = {value!r}: {rule}") for value in ("other", 1)]
+    return [(1, TypeError, f"{name} = 1: must be True or False")] if isinstance(allowed, Flag) else []
+
+
+@pytest.mark.parametrize("name", [one.name for one in fields(Settings)])
+def test_what_an_option_may_be(name: str) -> None:
+    """Its declaration refuses all else; those that a function checks have their messages in `test_options`."""
+    wrong = wrong_values(name, allowed_of(Settings, name))
+    assert wrong or any(name in options for _, options, *_ in MESSAGES)
+    for value, error, message in wrong:
+        with refuses(error, message):
+            Settings.of({name: value})

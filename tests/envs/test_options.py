@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 
 from flexarm_env.actions import MODES
-from flexarm_env.allowed import Allowed, Flag, Integer, Number, OneOf, Optional, Pair, allowed_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, make
@@ -285,40 +283,6 @@ def test_a_wrong_option_fails_at_make(
     """Naming the option, its value and what is allowed."""
     with pytest.raises(error, match=message):
         make(env_id, **options) if "render_mode" not in options else FlexArmEnv(**options)
-
-
-def wrong_values(name: str, allowed: Allowed) -> list[tuple[Any, type[Exception], str]]:
-    """Return values that a declaration does not allow, with the error and its message; none for functions' checks."""
-    if isinstance(allowed, Optional):
-        return wrong_values(name, allowed.other)
-    if isinstance(allowed, Pair):
-        each = wrong_values(f"{name}[1]", Number(allowed.least, allowed.most, allowed.unit))
-        pairs = [((allowed.least, value), error, message) for value, error, message in each]
-        return [*pairs, (0.5, TypeError, f"{name} = 0.5: must be a pair of numbers [{allowed.unit}]")]
-    if isinstance(allowed, Number):
-        unit = f" [{allowed.unit}]" if allowed.unit else ""
-        rule = f"must be a finite number and >= {allowed.least} and <= {allowed.most}{unit}"
-        beyond = [math.nextafter(allowed.least, -math.inf), math.nextafter(allowed.most, math.inf), math.nan]
-        wrong = [(value, ValueError) for value in beyond] + [(value, TypeError) for value in ("1", True)]
-        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
-    if isinstance(allowed, Integer):
-        rule = f"must be an integer from {allowed.least} to {allowed.most}"
-        wrong = [(allowed.least - 1, ValueError), (allowed.most + 1, ValueError), (1.0, TypeError), (True, TypeError)]
-        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
-    if isinstance(allowed, OneOf):
-        rule = f"must be one of {', '.join(map(repr, allowed.names))}"
-        return [(value, ValueError, f"{name} = {value!r}: {rule}") for value in ("other", 1)]
-    return [(1, TypeError, f"{name} = 1: must be True or False")] if isinstance(allowed, Flag) else []
-
-
-@pytest.mark.parametrize("name", [one.name for one in fields(Settings)])
-def test_what_an_option_may_be(name: str) -> None:
-    """Its declaration refuses all else; an option that a function checks has its messages above."""
-    wrong = wrong_values(name, allowed_of(Settings, name))
-    assert wrong or any(name in options for _, options, *_ in MESSAGES)
-    for value, error, message in wrong:
-        with refuses(error, message):
-            Settings.of({name: value})
 
 
 # The modes in which an option acts; in the others it must not be given.
