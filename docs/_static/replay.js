@@ -16,29 +16,18 @@
   flexarm.replays = (value) => { index = value; };
   flexarm.replay = (row, lap, value) => laps.set(`${row}|${lap}`, decoded(value));
 
-  /** Return the sequences that scripts.docs.replays.packed wrote. */
-  function unpacked(text, orders, instants) {
-    const bytes = atob(text);
-    let at = 0;
-    return orders.map((order) => {
-      const values = new Float64Array(instants);
-      for (let n = 0; n < instants; n++) {
-        let [value, scale, byte] = [0, 1, 128];
-        while (byte >= 128) {
-          byte = bytes.charCodeAt(at++);
-          value += (byte & 127) * scale;
-          scale *= 128;
-        }
-        values[n] = value % 2 === 0 ? value / 2 : -(value + 1) / 2;
-      }
-      for (let k = 0; k < order; k++) for (let n = 1; n < instants; n++) values[n] += values[n - 1];
+  /** Return the sequences that scripts.docs.replays.packed wrote as second differences. */
+  function unpacked(data) {
+    return data.map((differences) => {
+      const values = Float64Array.from(differences);
+      for (let k = 0; k < 2; k++) for (let n = 1; n < values.length; n++) values[n] += values[n - 1];
       return values;
     });
   }
 
   function decoded(value) {
     const found = { interval: value.interval, instants: value.instants, ended: value.ended };
-    const sequences = unpacked(value.data, value.orders, value.instants);
+    const sequences = unpacked(value.data);
     for (const [name, count, step] of value.channels) {
       found[name] = sequences.splice(0, count).map((sequence) => sequence.map((one) => one * step));
     }
@@ -121,7 +110,7 @@
       parts.error.textContent = error.message;
     }
     const told = index.references[state.lap];
-    reference = unpacked(told.data, told.orders, told.instants).map((one) => one.map((value) => value * told.step));
+    reference = unpacked(told.data).map((one) => one.map((value) => value * told.step));
     shown = state.rows.map((row) => laps.get(`${row}|${state.lap}`) || null);
     for (const lap of shown.filter(Boolean)) lap.error = distances(lap, reference);
     describe();

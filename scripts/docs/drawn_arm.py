@@ -53,8 +53,7 @@ def recorded(row: str, lap: str) -> Lap:
     index = read(FOLDER / INDEX)[0]["references"][lap]
     found = channels(one)
     q = np.concatenate([found["joints"], found["modal"]], axis=1)
-    whole = unpacked(index["data"], [*index["orders"]], index["instants"])
-    reference = index["step"] * whole.T[: len(q)]
+    reference = unpacked(index["data"], index["step"])[: len(q)]
     return Lap(one["interval"] * np.arange(len(q)), q, ARM.tip(q), found["sensed"], reference, found["torque"])
 
 

@@ -1,16 +1,14 @@
 """Write the laps that the site's replay viewer shows: docs/_static/replays/, a small file for each row and lap.
 
 A file is JavaScript, so that a page opened from a disk may load it. It holds joint angles, modal coordinates, the late
-reading and the torques of each control period, as whole numbers of a step. Differences of these, of the order that
-takes the least room, are written with seven bits a byte, the lowest first and the sign in the lowest bit, as base64.
-Where the tip is follows from the coordinates and from the links' shapes in `index.js`, here and in the viewer.
+reading and the torques of each control period, as second differences of whole numbers of a step. Where the tip is
+follows from the coordinates and from the links' shapes in `index.js`, here and in the viewer.
 """
 
 from __future__ import annotations
 
-import base64
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +32,6 @@ from scripts.common.markdown import DOCS
 from scripts.common.result_files import replacing
 
 Array = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 FOLDER = DOCS / "_static" / "replays"
 INDEX = "index.js"
@@ -48,7 +45,6 @@ AGENTS = {
     "agent student_unknown": "a student of a privileged controller (DAgger), taught on arms that differ",
 }
 STEPS = {"joints": 2e-5, "modal": 5e-5, "sensed": 1e-3, "torque": 1e-2}  # [rad], [m], [m], [N m]
-ORDERS = range(4)  # of differences
 POINTS = 13  # of a drawn link
 
 
@@ -62,59 +58,21 @@ class Options:
     """Names of the leaderboard's rows, in the viewer's order."""
 
 
-# --- numbers as text -----------------------------------------------------------------------------------------------
-
-
-def packed(values: Sequence[Whole]) -> tuple[str, list[int]]:
-    """Write sequences of whole numbers as base64.
+def packed(values: Array, step: float) -> list[list[int]]:
+    """Return sequences as whole numbers of a step, by their second differences, which have few digits.
 
     Args:
-        values: Shape (n,) each.
-
-    Returns:
-        The text, and the order of the differences of each sequence.
+        values: Shape (n, k).
+        step: of the numbers.
     """
-    parts, orders = [], []
-    for sequence in values:
-        tried = [_bytes(np.diff(sequence, n=order, prepend=[0] * order)) for order in ORDERS]
-        order = min(ORDERS, key=lambda one: len(tried[one]))
-        parts.append(tried[order])
-        orders.append(order)
-    return base64.b64encode(b"".join(parts)).decode("ascii"), orders
+    whole = np.rint(values / step).astype(np.int64).T
+    found: list[list[int]] = np.diff(whole, n=2, prepend=np.zeros((len(whole), 2), np.int64)).tolist()
+    return found
 
 
-def unpacked(text: str, orders: Sequence[int], instants: int) -> Whole:
-    """Invert `packed`. Shape (len(orders), instants)."""
-    numbers = _numbers(base64.b64decode(text, validate=True))
-    differences = np.array([[next(numbers) for _ in range(instants)] for _ in orders], dtype=np.int64)
-    if next(numbers, None) is not None:
-        raise ValueError(f"data: has more than {len(orders)} sequences of {instants} numbers")
-    for sequence, order in zip(differences, orders, strict=True):
-        for _ in range(order):
-            np.cumsum(sequence, out=sequence)
-    return differences
-
-
-def _bytes(values: Whole) -> bytes:
-    """Write whole numbers with seven bits a byte; a byte's highest bit says that more follow."""
-    found = bytearray()
-    for value in np.where(values >= 0, 2 * values, -2 * values - 1).tolist():
-        while value > 127:
-            found.append(value & 127 | 128)
-            value >>= 7
-        found.append(value)
-    return bytes(found)
-
-
-def _numbers(data: bytes) -> Iterator[int]:
-    """Read what `_bytes` wrote."""
-    value = shift = 0
-    for byte in data:
-        value |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            yield value >> 1 if value % 2 == 0 else -(value + 1) // 2
-            value = shift = 0
+def unpacked(data: Sequence[Sequence[int]], step: float) -> Array:
+    """Invert `packed`, but for rounding. Shape (n, k)."""
+    return step * np.array(data, dtype=np.int64).cumsum(axis=1).cumsum(axis=1).T
 
 
 # --- a lap ---------------------------------------------------------------------------------------------------------
@@ -133,24 +91,22 @@ def replay(lap: Trajectory) -> dict[str, Any]:
         raise ValueError("lap: has no reading of a sensor; must be a record of run_policy")
     size = lap.state.shape[1] // 2
     found = {"joints": lap.state[:, :2], "modal": lap.state[:, 2:size], "sensed": lap.sensed, "torque": lap.torque}
-    whole = {name: np.rint(values / STEPS[name]).astype(np.int64) for name, values in found.items()}
-    data, orders = packed([sequence for values in whole.values() for sequence in values.T])
     return {
         "interval": round(float(lap.time[1] - lap.time[0]), 9),
         "instants": len(lap),
         "ended": lap.notes["ended"],
-        "channels": [[name, values.shape[1], STEPS[name]] for name, values in whole.items()],
-        "orders": orders,
-        "data": data,
+        "channels": [[name, values.shape[1], STEPS[name]] for name, values in found.items()],
+        "data": [sequence for name, values in found.items() for sequence in packed(values, STEPS[name])],
     }
 
 
 def channels(one: Mapping[str, Any]) -> dict[str, Array]:
     """Return the numbers of a replay: joints, modal, sensed, torque. Shape (n, ...) each."""
-    whole = unpacked(one["data"], one["orders"], one["instants"])
-    ends = np.cumsum([count for _, count, _ in one["channels"]])[:-1]
-    parts = np.split(whole, ends)
-    return {name: step * part.T for (name, _, step), part in zip(one["channels"], parts, strict=True)}
+    found, first = {}, 0
+    for name, count, step in one["channels"]:
+        found[name] = unpacked(one["data"][first : first + count], step)
+        first += count
+    return found
 
 
 def read(path: Path) -> list[Any]:
@@ -194,8 +150,8 @@ def _references(laps: Mapping[str, Trajectory]) -> dict[str, Any]:
     found = {}
     for lap, record in laps.items():
         assert record.reference is not None
-        data, orders = packed(list(np.rint(record.reference / STEPS["joints"]).astype(np.int64).T))
-        found[lap] = {"data": data, "orders": orders, "step": STEPS["joints"], "instants": len(record)}
+        step = STEPS["joints"]
+        found[lap] = {"step": step, "instants": len(record), "data": packed(record.reference, step)}
     return found
 
 
