@@ -12,12 +12,12 @@ A shipped agent chooses the motors' torques, as shares of their limits:
     ('FlexArm/Square-v0', (2,))
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexarm_agents.descent.config import DescentConfig
-    from flexarm_agents.descent.training import descend
+    from flexarm_agents.descent.config import FOPGConfig
     from flexarm_agents.evaluation.scoring import Score, StandardScore, evaluate, score
     from flexarm_agents.evaluation.seed_statistics import Spread
     from flexarm_agents.jobs.stopping import TrainingStopped
@@ -25,57 +25,73 @@ if TYPE_CHECKING:
     from flexarm_agents.policies.network import NetworkPolicy
     from flexarm_agents.sb3.export import network_policy
     from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-    from flexarm_agents.teaching.config import TeachingConfig
-    from flexarm_agents.teaching.training import teach
-    from flexarm_agents.training.config import TrainingConfig
+    from flexarm_agents.teaching.config import DAggerConfig
+    from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig, TQCConfig
+    from flexarm_agents.training.config import config_of
     from flexarm_agents.training.train import Outcome, train
 
 _MODULES = {
-    "DescentConfig": "descent.config",
+    "DAggerConfig": "teaching.config",
+    "FOPGConfig": "descent.config",
     "FlexArmVecEnv": "sb3.vec_env",
     "NetworkPolicy": "policies.network",
     "Outcome": "training.train",
+    "PPOConfig": "training.algorithms",
+    "RecurrentPPOConfig": "training.algorithms",
+    "SACConfig": "training.algorithms",
     "Score": "evaluation.scoring",
     "Spread": "evaluation.seed_statistics",
     "StandardScore": "evaluation.scoring",
-    "TeachingConfig": "teaching.config",
+    "TQCConfig": "training.algorithms",
     "Trained": "policies.load",
-    "TrainingConfig": "training.config",
     "TrainingStopped": "jobs.stopping",
-    "descend": "descent.training",
+    "config_of": "training.config",
     "evaluate": "evaluation.scoring",
     "load_policy": "policies.load",
     "network_policy": "sb3.export",
     "score": "evaluation.scoring",
     "shipped_policies": "policies.load",
-    "teach": "teaching.training",
     "train": "training.train",
+}
+# Names of before, each with its present one: they stay for one release.
+_FORMER = {
+    "DescentConfig": "FOPGConfig",
+    "TeachingConfig": "DAggerConfig",
+    "TrainingConfig": "config_of",
+    "descend": "train",
+    "teach": "train",
 }
 
 __all__ = [
-    "DescentConfig",
+    "DAggerConfig",
+    "FOPGConfig",
     "FlexArmVecEnv",
     "NetworkPolicy",
     "Outcome",
+    "PPOConfig",
+    "RecurrentPPOConfig",
+    "SACConfig",
     "Score",
     "Spread",
     "StandardScore",
-    "TeachingConfig",
+    "TQCConfig",
     "Trained",
-    "TrainingConfig",
     "TrainingStopped",
-    "descend",
+    "config_of",
     "evaluate",
     "load_policy",
     "network_policy",
     "score",
     "shipped_policies",
-    "teach",
     "train",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _FORMER:
+        text = f"flexarm_agents.{name} is now flexarm_agents.{_FORMER[name]}; the old name goes with the next release"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        name = _FORMER[name]
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from flexarm_env.extras import needs_extra  # imports all of flexarm_env

@@ -18,13 +18,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from flexarm_agents import Spread, StandardScore, TrainingConfig
+from flexarm_agents import Spread, StandardScore
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.commands.train import tuned_for
 from flexarm_agents.files import put
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
+from flexarm_agents.training.config import ALGORITHMS, RunConfig
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
 from scripts.common.command_line import parser, run
@@ -69,24 +70,25 @@ def seeds_of(text: str) -> list[int]:
     return sorted(found)
 
 
-def settings_of(sweep: object) -> list[Setting]:
+def settings_of(sweep: object, config: RunConfig) -> list[Setting]:
     """Return all combinations of a sweep's values.
 
     Args:
-        sweep: lists of values by the names of `TrainingConfig`'s fields.
+        sweep: lists of values by the names of the configuration's fields.
+        config: what all trainings have in common.
 
     Raises:
         TypeError, ValueError: if it is anything else.
     """
     lists = mapping("sweep", sweep)
-    known_names("sweep", lists, [one.name for one in fields(TrainingConfig) if one.name != "seed"])
+    known_names("sweep", lists, [one.name for one in fields(config) if one.name != "seed"])
     for name, values in lists.items():
         if not isinstance(values, list) or not values:
             raise ValueError(f"sweep[{name!r}] = {shown(values)}: must be a list with a value at least")
     return [dict(zip(lists, values, strict=True)) for values in product(*lists.values())]
 
 
-def jobs_of(config: TrainingConfig, settings: Sequence[Setting], seeds: Sequence[int], output: Path) -> list[Job]:
+def jobs_of(config: RunConfig, settings: Sequence[Setting], seeds: Sequence[int], output: Path) -> list[Job]:
     """Return a training for each setting and seed; the folder is named by the whole configuration but the seed."""
     jobs: list[Job] = []
     for setting in settings:
@@ -96,7 +98,7 @@ def jobs_of(config: TrainingConfig, settings: Sequence[Setting], seeds: Sequence
     return jobs
 
 
-def summary(settings: Sequence[Setting], config: TrainingConfig, found: Sequence[Training]) -> list[dict[str, Any]]:
+def summary(settings: Sequence[Setting], config: RunConfig, found: Sequence[Training]) -> list[dict[str, Any]]:
     """Return for each setting the spread over its seeds of both laps' mean r.m.s. error, and the trainings."""
     rows = []
     for setting in settings:
@@ -120,12 +122,14 @@ def summary_table(rows: Sequence[Mapping[str, Any]]) -> str:
     return table(head, lines)
 
 
-def read() -> tuple[TrainingConfig, Options]:
+def read() -> tuple[RunConfig, Options]:
     """Read the arguments: what all trainings have in common, and the sweep."""
     reader = parser("python -m scripts.train", Options())
-    add_fields(reader, tuned_for(sys.argv[1:]))
+    tuned = tuned_for(sys.argv[1:])
+    reader.add_argument("--algorithm", choices=tuple(ALGORITHMS), default="ppo", help="see `flexarm train`")
+    add_fields(reader, tuned)
     given = reader.parse_args()
-    return read_fields(reader, TrainingConfig, given), read_fields(reader, Options, given)
+    return read_fields(reader, type(tuned), given), read_fields(reader, Options, given)
 
 
 def main() -> None:
@@ -138,7 +142,7 @@ def main() -> None:
     if config.seed:
         raise ValueError(f"seed = {config.seed}: must go without --seeds and --sweep, which say what seeds")
     sweep = {} if options.sweep is None else json_object(options.sweep.read_text())
-    settings, seeds = settings_of(sweep), seeds_of(options.seeds)
+    settings, seeds = settings_of(sweep, config), seeds_of(options.seeds)
     jobs = jobs_of(config, settings, seeds, options.output)
     where = executor(options.executor, options.jobs, options.output / "submitit", json_object(options.submitit))
     with tqdm(total=len(jobs), unit="training") as bar:
@@ -151,7 +155,7 @@ def main() -> None:
     check_failures(failed, options.output, "the other trainings are kept")
 
 
-def _key(config: TrainingConfig) -> str:
+def _key(config: RunConfig) -> str:
     whole = {name: value for name, value in config.plain().items() if name != "seed"}
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:12]
 

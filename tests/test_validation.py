@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_agents import TrainingConfig, load_policy
+from flexarm_agents import config_of, load_policy
 from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.evaluation.candidates import imported
 from flexarm_env import ArmParameters, Trajectory, end_reason, run_policy, warm_up
@@ -45,7 +45,7 @@ REFUSALS: dict[str, Callable[[Any], Any]] = {
     "an id": check_id,
     "options in a file": lambda value: check_options("FlexArm/Square-v0", value),
     "plain options": lambda value: check_options("FlexArm/Square-v0", {"frame": value}),
-    "hidden layers": lambda value: TrainingConfig(hidden=value),
+    "hidden layers": lambda value: config_of(hidden=value),
 }
 
 

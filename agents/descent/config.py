@@ -1,70 +1,76 @@
-"""`DescentConfig`: everything that decides what a descent gives, with tuned defaults."""
+"""`FOPGConfig`: everything that decides the result of a training by first-order gradients, with tuned defaults."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
 
-from flexarm_agents.environments import check_id, check_options, settings_of
-from flexarm_agents.training.config import Activation, RunConfig, checked_network
+from flexarm_agents.environments import settings_of
+from flexarm_agents.training.config import RunConfig, setting
+from flexarm_env.allowed import Custom, declared
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.validation import choice, integer, listed, mapping, names, number, shown
 
 
-@dataclass(frozen=True, kw_only=True)
-class DescentConfig(RunConfig):
-    """A short-horizon actor-critic: costs of a window of control periods, differentiated through the simulation."""
+def _blocks(name: str, value: object) -> tuple[str, ...]:
+    """Check names of blocks of the observation."""
+    blocks = tuple(listed(name, value))
+    for n, block in enumerate(names(name, blocks) if blocks else ()):
+        choice(f"{name}[{n}]", block, BLOCKS)
+    return blocks
 
-    lesson_options: dict[str, Any] = field(default_factory=lambda: {"start": "corners"})
-    """Options in which the training's environments differ from that of the score, e.g. the start."""
-    rounds: int = 12
+
+@dataclass(frozen=True, kw_only=True)
+class FOPGConfig(RunConfig):
+    """First-order policy gradients: costs of a window, differentiated through the simulation (short-horizon critic)."""
+
+    algorithm: ClassVar[str] = "fopg"
+    training: ClassVar[str] = "flexarm_agents.descent.training:FOPGTraining"
+
+    curriculum_options: dict[str, Any] = declared({"start": "corners"}, Custom(mapping))
+    """Options in which the training's environments differ from the environment of the score, e.g. the start."""
+    rounds: int = setting(12, integer, least=1)
     """Of the policy in the end; each one ends with an evaluation and a checkpoint."""
-    candidates: int = 3
+    candidates: int = setting(3, integer, least=1)
     """Untrained policies with which the training begins; after `trial_rounds` of each the best one goes on."""
-    trial_rounds: int = 4
+    trial_rounds: int = setting(4, integer, least=1)
     """Rounds of each candidate; they are among the `rounds` of the one that goes on."""
-    windows: int = 80
+    windows: int = setting(80, integer, least=1)
     """Windows in a round, each with one step of the policy's optimiser."""
-    horizon: int = 32
+    horizon: int = setting(32, integer, least=2)
     """Control periods of a window, through which derivatives run."""
-    arms: int = 64
+    arms: int = setting(64, integer, least=1)
     """Arms side by side."""
-    episode_steps: int = 450
+    episode_steps: int = setting(450, integer, least=1)
     """Control periods after which a training episode is cut off."""
-    torque_noise: float = 0.04
-    """Largest standard deviation of what disturbs the torques in training, as a share of their limits; mean half."""
-    gamma: float = 0.99
+    torque_noise: float = setting(0.04, number, least=0.0, most=1.0)
+    """Largest standard deviation of the torques' disturbance in training, as a share of their limits; mean half."""
+    gamma: float = setting(0.99, number, least=0.0, most=1.0)
     """Discount of a control period."""
-    critic_epochs: int = 2
-    """Passes through a window of the critic, the value of what follows it; 0: no critic, plain backpropagation."""
-    critic_batch: int = 512
+    critic_epochs: int = setting(2, integer, least=0)
+    """Passes of the critic through a window, whose end it values; 0: no critic, plain backpropagation."""
+    critic_batch: int = setting(512, integer, least=1)
     """Samples in a step of it."""
-    critic_lambda: float = 0.95
+    critic_lambda: float = setting(0.95, number, least=0.0, most=1.0)
     """Smoothing of the critic's targets."""
-    critic_averaging: float = 0.7
+    critic_averaging: float = setting(0.7, number, least=0.0, most=1.0)
     """The critic in targets is an average of its weights, which forgets by this factor in each window."""
-    critic_observation: tuple[str, ...] = ("modal_coordinates", "modal_rates")
+    critic_observation: tuple[str, ...] = setting(("modal_coordinates", "modal_rates"), _blocks)
     """Blocks that the critic sees beside the policy's observation; they are needed in the training alone."""
-    learning_rate: float = 3e-3
+    learning_rate: float = setting(3e-3, number, above=0.0, most=1.0)
     """At the beginning, of policy and critic; it falls linearly to 0."""
-    gradient_limit: float = 1.0
+    gradient_limit: float = setting(1.0, number, above=0.0)
     """Largest norm of a gradient; longer ones are shortened."""
-    error_knee: float = 0.3
+    error_knee: float = setting(0.3, number, unit="m", above=0.0)
     """Distance of the tip from the reference below which its cost is a square, above which it grows linearly [m]."""
-    change_weight: float = 0.02
+    change_weight: float = setting(0.02, number, unit="m", least=0.0)
     """Of the squared change of the actions from one period to the next [m]."""
-    excess_weight: float = 0.1
+    excess_weight: float = setting(0.1, number, unit="m", least=0.0)
     """Of the squared excess of what the network wants over the largest action [m]."""
-    deflection_share: float = 0.8
+    deflection_share: float = setting(0.8, number, least=0.0, most=1.0)
     """Of the deflection at which an episode ends; larger ones cost [1]."""
-    deflection_weight: float = 10.0
+    deflection_weight: float = setting(10.0, number, unit="m", least=0.0)
     """Of the squared excess over it, as a share of the limit [m]."""
-    hidden: tuple[int, ...] = (128, 128)
-    """Sizes of the hidden layers, of the policy and of the critic each."""
-    activation: Activation = "elu"
-    """Between the layers."""
-    evaluation_laps: int = 1
-    """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
 
     def __post_init__(self) -> None:
         """Validate, each field and what they are together.
@@ -96,37 +102,5 @@ class DescentConfig(RunConfig):
         """Options of the batch that is trained on: what the critic alone sees follows the policy's observation."""
         own = settings_of(self.environment, self.options).observation
         more = [name for name in self.critic_observation if name not in own] if self.critic_epochs else []
-        lessons = self.options | self.lesson_options
-        return {"max_episode_steps": self.episode_steps, **lessons, "observation": [*own, *more]}
-
-    def _checked(self) -> dict[str, Any]:
-        least = {
-            "rounds": 1,
-            "candidates": 1,
-            "trial_rounds": 1,
-            "windows": 1,
-            "horizon": 2,
-            "arms": 1,
-            "episode_steps": 1,
-            "critic_epochs": 0,
-        }
-        least |= {"critic_batch": 1, "evaluation_laps": 1}
-        shares = ("torque_noise", "gamma", "critic_lambda", "critic_averaging")
-        weights = ("change_weight", "excess_weight", "deflection_weight")
-        whole = {**mapping("options", self.options), **mapping("lesson_options", self.lesson_options)}
-        lessons = check_options(check_id(self.environment), whole)
-        blocks = tuple(listed("critic_observation", self.critic_observation))
-        for n, name in enumerate(names("critic_observation", blocks) if blocks else ()):
-            choice(f"critic_observation[{n}]", name, BLOCKS)
-        return {
-            "lesson_options": {name: lessons[name] for name in self.lesson_options},
-            **{name: integer(name, getattr(self, name), bound) for name, bound in least.items()},
-            **{name: number(name, getattr(self, name), least=0.0, most=1.0) for name in shares},
-            **{name: number(name, getattr(self, name), "m", least=0.0) for name in weights},
-            "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
-            "gradient_limit": number("gradient_limit", self.gradient_limit, above=0.0),
-            "error_knee": number("error_knee", self.error_knee, "m", above=0.0),
-            "deflection_share": number("deflection_share", self.deflection_share, least=0.0, most=1.0),
-            "critic_observation": blocks,
-            **checked_network(self.hidden, self.activation),
-        }
+        training = self.options | self.curriculum_options
+        return {"max_episode_steps": self.episode_steps, **training, "observation": [*own, *more]}

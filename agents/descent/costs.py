@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.descent.config import DescentConfig
+from flexarm_agents.descent.config import FOPGConfig
 from flexarm_agents.descent.window import Window
 from flexarm_env.envs.settings import Settings
 
@@ -38,7 +38,7 @@ class Costs(NamedTuple):
     errors: Floats
 
 
-def costs(window: Window, settings: Settings, config: DescentConfig) -> Costs:
+def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:
     """Compute costs and derivatives.
 
     Args:
@@ -78,7 +78,7 @@ def error_cost(squares: Floats, knee: float) -> tuple[Floats, Floats]:
     return squares / (root + knee), 0.5 / root
 
 
-def largest_cost(settings: Settings, config: DescentConfig) -> float:
+def largest_cost(settings: Settings, config: FOPGConfig) -> float:
     """Return the cost of a period for an arm that is as far off as an episode allows [m].
 
     Args:

@@ -16,7 +16,7 @@ from torch.nn.utils import clip_grad_norm_
 from torch.optim.lr_scheduler import LinearLR
 
 from flexarm_agents.descent.adjoint import wanted_gradients
-from flexarm_agents.descent.config import DescentConfig
+from flexarm_agents.descent.config import FOPGConfig
 from flexarm_agents.descent.costs import Costs, costs, largest_cost
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.window import Singles, Window
@@ -48,7 +48,7 @@ class Figures(NamedTuple):
 class Learner:
     """Networks in training; torch's generator draws their weights and the order of the critic's samples."""
 
-    def __init__(self, config: DescentConfig, observations: Observations, size: int) -> None:
+    def __init__(self, config: FOPGConfig, observations: Observations, size: int) -> None:
         """Make untrained networks.
 
         Args:

@@ -1,70 +1,67 @@
-"""`TeachingConfig`: everything that decides what a teaching gives, with tuned defaults."""
+"""`DAggerConfig`: everything that decides the result of an imitation, with tuned defaults."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
-from flexarm_agents.training.config import Activation, RunConfig, checked_network
+from flexarm_agents.training.config import RunConfig, optional, setting
 from flexarm_env.validation import integer, number, pair, shown
 
 
+def _path(name: str, value: object) -> str:
+    """Check a path that is text."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} = {shown(value)}: must be a path as text")
+    return value
+
+
+def _counts(name: str, value: object) -> tuple[int, ...]:
+    """Check how many payloads and stiffnesses there are."""
+    counts: Any = value
+    pair(name, counts, least=2)
+    return tuple(integer(f"{name}[{n}]", count, 2) for n, count in enumerate(counts))
+
+
 @dataclass(frozen=True, kw_only=True)
-class TeachingConfig(RunConfig):
-    """DAgger: a student imitates, in the situations that it gets into, a teacher that knows everything."""
+class DAggerConfig(RunConfig):
+    """DAgger: a student imitates a teacher with full knowledge, in the situations that the student gets into."""
 
-    lesson_options: dict[str, Any] = field(default_factory=dict)
-    """Options in which the lessons differ from the environment that the student is scored on, e.g. a wider box."""
-    rounds: int = 4
+    algorithm: ClassVar[str] = "dagger"
+    training: ClassVar[str] = "flexarm_agents.teaching.training:DAggerTraining"
+
+    rounds: int = setting(4, integer, least=1)
     """Rounds of laps, each with a fit to the data of all rounds so far."""
-    arms: int = 64
+    arms: int = setting(64, integer, least=2)
     """Arms side by side, each of which runs a lap in a round."""
-    updates: int = 1000
+    updates: int = setting(1000, integer, least=1)
     """Steps of the optimiser in a round."""
-    batch: int = 1024
+    batch: int = setting(1024, integer, least=1)
     """Samples in such a step."""
-    learning_rate: float = 2e-3
+    learning_rate: float = setting(2e-3, number, above=0.0, most=1.0)
     """At the beginning; it falls to 0 as half a cosine."""
-    averaging: float = 0.998
+    averaging: float = setting(0.998, number, least=0.0, most=1.0)
     """The student is the average of the network's weights, which forgets by this factor in each update."""
-    teacher_share: float = 0.2
+    teacher_share: float = setting(0.2, number, least=0.0, most=1.0)
     """Share of the time in which the teacher drives, from the half of the rounds on; all of it in the first round."""
-    torque_noise: float = 0.04
-    """Largest standard deviation of what disturbs the torques in a lap, as a share of their limits."""
-    knee: float = 0.06
+    torque_noise: float = setting(0.04, number, least=0.0, most=1.0)
+    """Largest standard deviation of the disturbance of the torques in a lap, as a share of their limits."""
+    knee: float = setting(0.06, number, above=0.0)
     """Correction by the teacher's feedback, as a share of the limits, that halves the weight of a sample."""
-    hidden: tuple[int, ...] = (128, 128)
-    """Sizes of the hidden layers."""
-    activation: Activation = "elu"
-    """Between the layers."""
-    lags: tuple[int, ...] = ()
-    """Ages of the readings that the student remembers [control periods]; none: it sees the present ones only."""
-    change_weight: float = 0.1
+    lags: tuple[int, ...] = setting((), checked_increasing, least=1, most=LONGEST_LAG)
+    """Ages of the past readings that the student sees [control periods]; none: it sees the present ones only."""
+    change_weight: float = setting(0.1, number, unit="m^2", least=0.0)
     """Of the teacher's plans: on changes of the torques [m^2], see `TrackingProblem`."""
-    deflection_limit: float = 1.4
+    deflection_limit: float = setting(1.4, number, unit="m", above=0.0)
     """Of the teacher's plans: deflections of the links' tips beyond which they cost much [m]."""
-    plants: tuple[int, int] = (3, 3)
+    plants: tuple[int, int] = setting((3, 3), _counts)
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
-    evaluation_laps: int = 1
-    """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
+    plans: str | None = setting(None, optional, check=_path, kept=False)
+    """Folder for the teacher's plans, which several trainings can share; None: `plans` in the folder of the results."""
 
-    def _checked(self) -> dict[str, Any]:
-        least = {"rounds": 1, "arms": 2, "updates": 1, "batch": 1, "evaluation_laps": 1}
-        if integer("arms", self.arms, 2) % 2:
+    def __post_init__(self) -> None:
+        """Validate; see `RunConfig`."""
+        super().__post_init__()
+        if self.arms % 2:
             raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")
-        pair("plants", self.plants, least=2)
-        return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
-            "lesson_options": check_options(check_id(self.environment), self.lesson_options),
-            "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
-            "averaging": number("averaging", self.averaging, least=0.0, most=1.0),
-            "teacher_share": number("teacher_share", self.teacher_share, least=0.0, most=1.0),
-            "torque_noise": number("torque_noise", self.torque_noise, least=0.0, most=1.0),
-            "knee": number("knee", self.knee, above=0.0),
-            "lags": checked_increasing("lags", self.lags, 1, LONGEST_LAG),
-            "change_weight": number("change_weight", self.change_weight, "m^2", least=0.0),
-            "deflection_limit": number("deflection_limit", self.deflection_limit, "m", above=0.0),
-            "plants": tuple(integer(f"plants[{n}]", count, 2) for n, count in enumerate(self.plants)),
-            **checked_network(self.hidden, self.activation),
-        }

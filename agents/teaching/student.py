@@ -13,28 +13,28 @@ from torch.optim.swa_utils import AveragedModel
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.layers import fully_connected, numbers, weights_and_biases
-from flexarm_agents.teaching.config import TeachingConfig
-from flexarm_agents.teaching.lessons import Lesson
+from flexarm_agents.teaching.config import DAggerConfig
+from flexarm_agents.teaching.rollouts import Rollout
 
 LEAST_SPREAD = 1e-3  # of an input, by which it is divided
 LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where it is asked for randomness
 
 
 class Student:
-    """A network from observations and history to the torques, with inputs scaled by the first lesson's spread.
+    """A network from observations and history to the torques, with inputs scaled by the first rollout's spread.
 
     Attributes:
         encoder: of the observations.
         loss: mean of the last fit's weighted square errors, in squared actions.
     """
 
-    def __init__(self, config: TeachingConfig, encoder: PastReadings | None, first: Lesson) -> None:
+    def __init__(self, config: DAggerConfig, encoder: PastReadings | None, first: Rollout) -> None:
         """Make an untrained student; it draws its weights from torch's generator.
 
         Args:
             config: of the teaching.
             encoder: past readings that it sees; None: none.
-            first: lesson that shows how far each input spreads.
+            first: rollout that shows how far each input spreads.
         """
         self.encoder, self._config, self.loss = encoder, config, float("nan")
         observations = first.observations
@@ -47,13 +47,13 @@ class Student:
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
         self.schedule = CosineAnnealingLR(self.optimiser, config.rounds * config.updates)
 
-    def fit(self, lessons: Sequence[Lesson]) -> None:
-        """Take the optimiser's steps of one round, on samples of all lessons alike."""
+    def fit(self, rollouts: Sequence[Rollout]) -> None:
+        """Take the optimiser's steps of one round, on samples of all rollouts alike."""
         config = self._config
-        observations = torch.from_numpy(np.concatenate([lesson.observations for lesson in lessons]))
-        ages = torch.from_numpy(np.concatenate([lesson.ages for lesson in lessons]))
-        answers = torch.from_numpy(np.concatenate([lesson.answers for lesson in lessons]))
-        weights = torch.from_numpy(np.concatenate([lesson.weights for lesson in lessons]))
+        observations = torch.from_numpy(np.concatenate([rollout.observations for rollout in rollouts]))
+        ages = torch.from_numpy(np.concatenate([rollout.ages for rollout in rollouts]))
+        answers = torch.from_numpy(np.concatenate([rollout.answers for rollout in rollouts]))
+        weights = torch.from_numpy(np.concatenate([rollout.weights for rollout in rollouts]))
         total = 0.0
         for _ in range(config.updates):
             chosen = torch.randint(len(observations), (config.batch,))

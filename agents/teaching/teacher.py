@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.teaching.config import TeachingConfig
+from flexarm_agents.teaching.config import DAggerConfig
 from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_env.envs.settings import Settings
 from flexarm_env.validation import shown
@@ -51,7 +51,7 @@ class Teacher:
         self.periods = plans.torques.shape[-2]
 
     @classmethod
-    def of(cls, config: TeachingConfig, settings: Settings, folder: Path) -> Teacher:
+    def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
         """Make a teacher for an environment, with a grid over what it draws.
 
         Args:

@@ -1,4 +1,4 @@
-"""`Evaluator`: what judges a student or an agent between two parts of its training, and keeps the best one."""
+"""`Evaluator`: scores a policy between two parts of its training, and keeps the best one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WORST = (2**31, 0.0)  # a rank that every evaluation beats
 
 @dataclass(kw_only=True)
 class TrainingProgress:
-    """What a training has found out so far.
+    """What a training found so far, and when the next evaluation and checkpoint are due.
 
     Attributes:
         rows: rows of the evaluations.
@@ -31,12 +31,16 @@ class TrainingProgress:
         best_rank: rank of that row, see `scoring.rank`.
         seconds: wall time of the training, compiling and evaluations included, in this process and those
             before [s].
+        next_evaluation: steps at which it is due; None before the first.
+        next_checkpoint: steps at which it is due; None before the first.
     """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     best: int | None = None
     best_rank: tuple[int, float] = WORST
     seconds: float = 0.0
+    next_evaluation: int | None = None
+    next_checkpoint: int | None = None
 
     @property
     def state(self) -> str:
@@ -47,16 +51,15 @@ class TrainingProgress:
 class Evaluator:
     """Laps of a policy in training, on the environment that it is trained on."""
 
-    def __init__(self, config: RunConfig, laps: int, run: RunFolder, found: TrainingProgress) -> None:
+    def __init__(self, config: RunConfig, run: RunFolder, found: TrainingProgress) -> None:
         """Make the environment.
 
         Args:
             config: of the training.
-            laps: how often each of the two standard laps is run.
             run: folder of the training.
             found: kept up to date here.
         """
-        self._config, self._laps, self._run, self.found = config, laps, run, found
+        self._config, self._run, self.found = config, run, found
         self._env = make_one(config.environment, config.options)
         self._versions = json.loads(run.versions.read_text())
 
@@ -72,7 +75,7 @@ class Evaluator:
             Whether it is the best so far.
         """
         found = self.found
-        scores = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(self._laps)]
+        scores = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(self._config.evaluation_laps)]
         worst = StandardScore(*(max(laps, key=lambda lap: lap.rank) for laps in zip(*scores, strict=True)))
         row = {"steps": steps, "seconds": round(found.seconds, 2), **worst.as_mapping()}
         found.rows.append(row)

@@ -18,8 +18,8 @@ from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.config import TrainingConfig
-from flexarm_agents.training.hyperparameters import ALGORITHMS, SETTINGS, own_settings
+from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, RewardConfig, SACConfig
+from flexarm_agents.training.hyperparameters import names_in_zoo
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.extras import needs_extra
 
@@ -64,51 +64,41 @@ def hold_policy(model: BaseAlgorithm, held: bool) -> None:
     policy.log_std.requires_grad_(not held)
 
 
-def model_class(algorithm: str) -> Any:
-    """Return the class of an algorithm.
+def model_class(config: RewardConfig) -> Any:
+    """Return the class of the algorithm.
 
     Args:
-        algorithm: a name in `ALGORITHMS`.
+        config: the configuration.
 
     Raises:
         ModuleNotFoundError: without its package, naming the extra.
     """
-    module, _, name = ALGORITHMS[algorithm].kind.rpartition(":")
-    with needs_extra(f"algorithm = {algorithm!r}", "train"):
+    module, _, name = config.kind.partition(":")
+    with needs_extra(f"algorithm = {config.algorithm!r}", "train"):
         return getattr(import_module(module), name)
 
 
-def policy_class(algorithm: str) -> str | type:
-    """Return the policy with which a model is made: its name in stable-baselines3, or a class of ours.
-
-    Args:
-        algorithm: a name in `ALGORITHMS`.
-    """
-    module, _, name = ALGORITHMS[algorithm].policy.rpartition(":")
-    return getattr(import_module(module), name) if module else name
-
-
-def new_model(config: TrainingConfig) -> BaseAlgorithm:
+def new_model(config: RewardConfig) -> BaseAlgorithm:
     """Make an untrained model with its environments.
 
     Args:
         config: the configuration.
     """
-    made = model_class(config.algorithm)
-    env = environments(config, config.lesson_options)
-    return made(policy_class(config.algorithm), env, **arguments(config), seed=config.seed, device="cpu")
+    env = environments(config, config.curriculum_options)
+    made: BaseAlgorithm = model_class(config)(config.policy, env, **arguments(config), seed=config.seed, device="cpu")
+    return made
 
 
-def end_lessons(config: TrainingConfig, model: BaseAlgorithm) -> None:
-    """Go on in environments without `lesson_options`; episodes begin in all of them.
+def end_curriculum(config: RewardConfig, model: BaseAlgorithm) -> None:
+    """Replace the environments by some without `curriculum_options`; episodes begin in all of them.
 
     Args:
         config: of the training.
         model: made by `new_model`, between two rollouts.
     """
-    lessons = model.get_env()
-    assert lessons is not None
-    lessons.close()
+    before = model.get_env()
+    assert before is not None
+    before.close()
     env = environments(config, {})
     env.seed(config.seed)
     model.set_env(env)
@@ -116,28 +106,28 @@ def end_lessons(config: TrainingConfig, model: BaseAlgorithm) -> None:
     model._last_episode_starts = np.ones(config.envs, dtype=bool)
 
 
-def environments(config: TrainingConfig, lesson_options: Mapping[str, Any]) -> VecMonitor:
+def environments(config: RewardConfig, curriculum_options: Mapping[str, Any]) -> VecMonitor:
     """Make the environments of a training.
 
     Args:
         config: its configuration.
-        lesson_options: that hold in them.
+        curriculum_options: options of the environments in which they differ from the score's.
     """
-    options = {"max_episode_steps": config.episode_steps, **config.options, **lesson_options}
+    options = {"max_episode_steps": config.episode_steps, **config.options, **curriculum_options}
     return VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
 
 
-def batch_for(config: TrainingConfig, env: FlexArmVectorEnv) -> VecEnv:
+def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
     """Put what the configuration has in front of the network over a batch.
 
-    Lessons have the space of the observations that the agent is judged with: bounds beyond which a lesson may go.
+    Within a curriculum, the observation space is that of the environment of the score; observations may exceed it.
 
     Args:
         config: the configuration.
         env: the batch.
     """
     plain = FlexArmVecEnv(env)
-    if config.lesson_options:
+    if config.curriculum_options:
         judged = make_one(config.environment, config.options)
         plain.observation_space = judged.observation_space
         judged.close()
@@ -145,33 +135,34 @@ def batch_for(config: TrainingConfig, env: FlexArmVectorEnv) -> VecEnv:
     return plain if encoder is None else EncodedVecEnv(plain, encoder)
 
 
-def encoder_of(config: TrainingConfig, blocks: dict[str, slice]) -> Encoder | None:
+def encoder_of(config: RewardConfig, blocks: dict[str, slice]) -> Encoder | None:
     """Return the encoder of the observations; None: there is none.
 
     Args:
         config: the configuration.
         blocks: where each block lies in an observation.
     """
+    if not isinstance(config, PPOConfig):
+        return None
     if config.observer != "none":
         return Observer(config.observer, config.environment, config.options)
     return past_readings(config.lags, blocks)
 
 
-def arguments(config: TrainingConfig) -> dict[str, Any]:
-    """Return the arguments of the model that the settings are, by their names in stable-baselines3."""
+def arguments(config: RewardConfig) -> dict[str, Any]:
+    """Return the arguments of the model, by their names in stable-baselines3."""
     found: dict[str, Any] = {}
     policy: dict[str, Any] = {}
-    for name in own_settings(config.algorithm):
-        key = SETTINGS[name].name
-        where, _, inner = key.rpartition(".")
-        if key not in _OF_THE_ENVIRONMENT:
+    for name, zoo in names_in_zoo(type(config)).items():
+        where, _, inner = zoo.rpartition(".")
+        if zoo not in _OF_THE_ENVIRONMENT:
             (policy if where else found)[inner] = getattr(config, name)
     policy |= {"net_arch": list(config.hidden), "activation_fn": MODULES[config.activation]}
-    if config.critic_lstm is not None:
+    if isinstance(config, RecurrentPPOConfig):
         policy["shared_lstm"] = not config.critic_lstm
-    if config.temperature is not None:
+    if isinstance(config, SACConfig):
         found["ent_coef"] = f"auto_{config.temperature}"
     found["learning_rate"] = rate = LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0)
-    if config.value_steps:
+    if isinstance(config, PPOConfig) and config.value_steps:
         found["learning_rate"] = ValueFirst(rate, config.value_learning_rate, config.value_steps / config.steps)
     return {**found, "policy_kwargs": policy}

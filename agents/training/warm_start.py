@@ -1,4 +1,4 @@
-"""What a training begins with: a policy that is there already, and lessons that differ from what is judged."""
+"""Warm start: the policy with which a training begins, and the environments in which it begins."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from flexarm_agents.environments import make_one
 from flexarm_agents.policies.encoders import PastReadings, past_readings
 from flexarm_agents.policies.load import load_policy
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_agents.training.config import RunConfig, TrainingConfig
+from flexarm_agents.training.algorithms import PPOConfig
+from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.validation import shown
 
 
-def check_lessons(config: RunConfig, lesson_options: Mapping[str, Any]) -> None:
-    """Check that an agent observes and does in its lessons what it observes and does where it is judged.
+def check_curriculum(config: RunConfig) -> None:
+    """Check that the training's environments have the observation and the action of the environment of the score.
 
     Args:
         config: of the training.
-        lesson_options: options in which the lessons differ.
 
     Raises:
-        ValueError: if these change the observation or the action.
+        ValueError: if `curriculum_options` change them.
     """
-    if lesson_options and not _alike(config.environment, config.options, config.options | dict(lesson_options)):
+    changed = config.curriculum_options
+    if changed and not _alike(config.environment, config.options, config.options | changed):
         raise ValueError(
-            f"lesson_options = {shown(lesson_options)}: must leave observation and action of the environment as "
-            "they are"
+            f"curriculum_options = {shown(changed)}: must leave observation and action of the environment as they are"
         )
 
 
-def initial_policy(config: TrainingConfig, run: RunFolder) -> NetworkPolicy | None:
+def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
     """Load the policy whose network a training begins with; None: the network begins untrained.
 
     Args:

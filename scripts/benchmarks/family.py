@@ -211,11 +211,11 @@ def _training(name: str, frames: int) -> Subject:
         name: of the subject.
         frames: environment steps, rounded up to whole rollouts.
     """
-    from flexarm_agents import TrainingConfig
+    from flexarm_agents import PPOConfig
     from flexarm_agents.training.models import new_model
     from flexarm_agents.training.train import one_thread
 
-    config = TrainingConfig()
+    config = PPOConfig()
     model: Any = new_model(config)
     assert config.rollout is not None
     rollout = config.rollout * config.envs

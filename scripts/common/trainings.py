@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents import DescentConfig, StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
-from flexarm_agents.descent.training import descend
+from flexarm_agents import DAggerConfig, StandardScore, evaluate, load_policy
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
-from flexarm_agents.teaching.training import teach
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.evaluator import EVALUATION_SEED
 from flexarm_agents.training.run_folder import RunFolder
@@ -64,19 +63,10 @@ def _alike(one: StandardScore, other: StandardScore) -> bool:
 
 
 def carried_out(config: RunConfig, folder: Path) -> Outcome:
-    """Train, or go on, by the kind of the configuration; students of one agent share their teacher's plans.
-
-    Raises:
-        TypeError: for another kind.
-    """
-    resume = RunFolder(folder).config.exists()
-    if isinstance(config, TeachingConfig):
-        return teach(config, folder, resume, plans=folder.parent / "plans")
-    if isinstance(config, DescentConfig):
-        return descend(config, folder, resume)
-    if isinstance(config, TrainingConfig):
-        return train(config, folder, resume)
-    raise TypeError(f"config = {config!r}: must be a TrainingConfig, a TeachingConfig or a DescentConfig")
+    """Train, or resume; students of one agent share their teacher's plans."""
+    if isinstance(config, DAggerConfig):
+        config = replace(config, plans=str(folder.parent / "plans"))
+    return train(config, folder, resume=RunFolder(folder).config.exists())
 
 
 def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents import TeachingConfig, TrainingConfig
+from flexarm_agents import DAggerConfig, PPOConfig
 from flexarm_agents.policies.observer import FILTERED
 from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
@@ -55,10 +55,10 @@ class Shipped(NamedTuple):
 
 
 AGENTS: dict[str, Shipped] = {
-    "square": Shipped("PPO, shipped (`square`)", TrainingConfig()),
+    "square": Shipped("PPO, shipped (`square`)", PPOConfig()),
     "filtered": Shipped(
         "PPO behind a Kalman filter (`filtered`)",
-        TrainingConfig(
+        PPOConfig(
             environment="FlexArm/SquareDelayMedium-v0",
             options={"last_actions": 1, "observation": BEHIND_FILTER},
             observer="delay",
@@ -70,22 +70,22 @@ AGENTS: dict[str, Shipped] = {
     ),
     "scheduler": Shipped(
         "gain scheduler, PPO (`scheduler`)",
-        TrainingConfig(environment="FlexArm/SquareGain-v0", steps=500_000),
+        PPOConfig(environment="FlexArm/SquareGain-v0", steps=500_000),
         drawn=False,
     ),
     "scheduler_paper": Shipped(
         "gain scheduler on the paper's plant, PPO (`scheduler_paper`)",
-        TrainingConfig(environment="FlexArm/SquareGain-v0", options=PAPER, steps=500_000),
+        PPOConfig(environment="FlexArm/SquareGain-v0", options=PAPER, steps=500_000),
         drawn=False,
     ),
-    "student": Shipped("student, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
-    "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", TeachingConfig()),
+    "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP)),
+    "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig()),
     "student_unknown": Shipped(
         "student, random arms (`student_unknown`)",
-        TeachingConfig(
+        DAggerConfig(
             environment="FlexArm/SquareUnknown-v0",
             options={"last_actions": 1},
-            lesson_options={"randomisation": WIDER},
+            curriculum_options={"randomisation": WIDER},
             rounds=5,
             lags=HALF_A_SECOND,
             deflection_limit=1.1,  # a margin for what the student does not know at the start

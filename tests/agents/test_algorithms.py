@@ -11,14 +11,15 @@ import pytest
 import torch
 
 import flexarm_agents.training.models
-import flexarm_agents.training.train
-from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, train
+import flexarm_agents.training.reward
+from flexarm_agents import NetworkPolicy, config_of, evaluate, load_policy, network_policy, train
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.callback import TrainingCallback
+from flexarm_agents.training.config import read_config
 from flexarm_agents.training.models import new_model
+from flexarm_agents.training.reward import TrainingCallback
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
 
@@ -46,10 +47,10 @@ def test_interrupted_or_not_a_training_ends_in_the_same_bits(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Replay buffers, an LSTM's memory and an encoder's memory are in the checkpoint; the file scores what it says."""
-    config = TrainingConfig(**TINIES[name])
+    config = config_of(**TINIES[name])
     train(config, tmp_path / "whole")
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training.train, "TrainingCallback", Breaking)
+        patch.setattr(flexarm_agents.training.reward, "TrainingCallback", Breaking)
         with pytest.raises(Interrupted):
             train(config, tmp_path / "broken")
     np.random.seed(5)  # noqa: NPY002
@@ -63,16 +64,16 @@ def test_interrupted_or_not_a_training_ends_in_the_same_bits(
     best = load_policy(tmp_path / "whole")
     again = evaluate(best.make_env(), best.policy, seed=1_000_003)
     assert again.as_mapping() == {lap: best.notes["evaluation"][lap] for lap in LAPS}
-    assert TrainingConfig.of(best.notes["config"]) == config
+    assert read_config(best.notes["config"]) == config
     with pytest.raises(ValueError, match=r"seed = 1: the training in"):
-        train(TrainingConfig(**TINIES[name], seed=1), tmp_path / "whole", resume=True)
+        train(config_of(**TINIES[name], seed=1), tmp_path / "whole", resume=True)
     assert json.loads((tmp_path / "whole" / "versions.json").read_text())["sb3_contrib"]
 
 
 @pytest.mark.parametrize("name", ["sac", "tqc", "recurrent_ppo"])
 def test_numpy_predicts_what_torch_predicts(name: str, tmp_path: Path) -> None:
     """Over several steps, with episodes that begin among them; from a file too."""
-    model = new_model(TrainingConfig(**TINIES[name]))
+    model = new_model(config_of(**TINIES[name]))
     with torch.no_grad():
         for parameter in model.policy.parameters():
             parameter.add_(0.2 * torch.randn_like(parameter))
@@ -91,7 +92,7 @@ def test_numpy_predicts_what_torch_predicts(name: str, tmp_path: Path) -> None:
 
 def test_the_noise_of_a_squashed_policy_is_torchs() -> None:
     """Mean and spread of the actions before tanh."""
-    model = new_model(TrainingConfig(**TINIES["sac"]))
+    model = new_model(config_of(**TINIES["sac"]))
     with torch.no_grad():
         model.policy.actor.log_std.bias.fill_(-1.0)
     policy = network_policy(model)
@@ -106,10 +107,10 @@ def test_the_noise_of_a_squashed_policy_is_torchs() -> None:
 @pytest.mark.parametrize("name", ["lags", "observer"])
 def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     """Also where episodes end: the batch shows the inputs that the exported policy makes of plain observations."""
-    config = TrainingConfig(**{**TINIES[name], "episode_steps": 6})
+    config = config_of(**{**TINIES[name], "episode_steps": 6})
     model = new_model(config)
     policy = network_policy(model)
-    options = {**config.options, **config.lesson_options, "max_episode_steps": 6}
+    options = {**config.options, **config.curriculum_options, "max_episode_steps": 6}
     plain, monitor = FlexArmVecEnv.make(config.environment, config.envs, **options), model.get_env()
     assert monitor is not None
     for env in (plain, monitor):
@@ -131,7 +132,7 @@ def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
 
 def test_a_time_limit_is_no_end_for_a_replay_buffer() -> None:
     """What a time limit cut off is bootstrapped, from the last observation of that episode."""
-    config = TrainingConfig(**{**TINIES["sac"], "episode_steps": 12, "learning_starts": 400, "options": {}})
+    config = config_of(**{**TINIES["sac"], "episode_steps": 12, "learning_starts": 400, "options": {}})
     model = new_model(config)
     seen: list[Any] = []
     with pytest.MonkeyPatch.context() as patch:
@@ -164,12 +165,12 @@ def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, m
 
     monkeypatch.setattr(flexarm_agents.training.models, "import_module", fail)
     with pytest.raises(ModuleNotFoundError, match=r"algorithm = 'tqc': sb3_contrib is not installed; .*\[train\]"):
-        train(TrainingConfig(**TINIES["tqc"]), tmp_path / "run")
+        train(config_of(**TINIES["tqc"]), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
 def saved(path: Path, name: str) -> dict[str, Any]:
-    network_policy(new_model(TrainingConfig(**TINIES[name])), {"config": {"environment": ID, "options": {}}}).save(path)
+    network_policy(new_model(config_of(**TINIES[name])), {"config": {"environment": ID, "options": {}}}).save(path)
     with np.load(path) as file:
         return dict(file)
 
@@ -210,7 +211,7 @@ def test_an_encoder_and_its_network_fit_together() -> None:
 def test_a_checkpoint_without_a_configuration_is_refused(tmp_path: Path) -> None:
     import zipfile
 
-    train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run")
+    train(config_of(**{**TINY, "steps": 128}), tmp_path / "run")
     path = tmp_path / "run" / "checkpoint.zip"
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist() if name != "config.json"}
@@ -218,4 +219,4 @@ def test_a_checkpoint_without_a_configuration_is_refused(tmp_path: Path) -> None
         for name, content in parts.items():
             file.writestr(name, content)
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint of this version"):
-        train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run", resume=True)
+        train(config_of(**{**TINY, "steps": 128}), tmp_path / "run", resume=True)

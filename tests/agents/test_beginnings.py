@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexarm_agents.training.train
-from flexarm_agents import NetworkPolicy, TrainingConfig, load_policy, network_policy, train
+import flexarm_agents.training.reward
+from flexarm_agents import NetworkPolicy, PPOConfig, config_of, load_policy, network_policy, train
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.callback import TrainingCallback
-from flexarm_agents.training.models import end_lessons, new_model
+from flexarm_agents.training.models import end_curriculum, new_model
+from flexarm_agents.training.reward import TrainingCallback
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import TINIES, TINY
 
@@ -40,8 +40,8 @@ def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.M
             if len(begun) == 1:
                 raise Interrupted
 
-    monkeypatch.setattr(flexarm_agents.training.train, "TrainingCallback", Begun)
-    config = TrainingConfig(**{**INITIAL, "initial_policy": str(tmp_path / "mine.npz"), "log_std": -2.0})
+    monkeypatch.setattr(flexarm_agents.training.reward, "TrainingCallback", Begun)
+    config = config_of(**{**INITIAL, "initial_policy": str(tmp_path / "mine.npz"), "log_std": -2.0})
     with pytest.raises(Interrupted):
         train(config, tmp_path / "run")
     (tmp_path / "mine.npz").unlink()
@@ -51,7 +51,7 @@ def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.M
         np.testing.assert_allclose(policy.log_std, -2.0)
     assert not same_network(load_policy(tmp_path / "run", last=True).policy, student)
     assert same_network(NetworkPolicy.load(RunFolder(tmp_path / "run").initial), student)
-    assert RunFolder(tmp_path / "run").read_config(TrainingConfig) == config
+    assert RunFolder(tmp_path / "run").read_config(PPOConfig) == config
 
 
 def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,8 +65,8 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
             value = self.model.policy.value_net.weight.detach().numpy().copy()  # type: ignore[union-attr,operator]
             found.append((rate, network_policy(self.model), value))
 
-    monkeypatch.setattr(flexarm_agents.training.train, "TrainingCallback", Watched)
-    train(TrainingConfig(**{**INITIAL, "steps": 512, "value_steps": 256}), tmp_path / "run")
+    monkeypatch.setattr(flexarm_agents.training.reward, "TrainingCallback", Watched)
+    train(config_of(**{**INITIAL, "steps": 512, "value_steps": 256}), tmp_path / "run")
     rates, policies, values = zip(*found, strict=True)
     last = load_policy(tmp_path / "run", last=True).policy
     assert [same_network(policy, student) for policy in (*policies, last)] == [True, True, True, False, False]
@@ -96,19 +96,19 @@ def test_a_policy_that_does_not_fit(
     changes: dict[str, Any], error: type[Exception], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(error, match=message):
-        train(TrainingConfig(**{**INITIAL, **changes}), tmp_path / "run")
+        train(config_of(**{**INITIAL, **changes}), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
 def test_a_policy_of_another_kind(tmp_path: Path) -> None:
-    train(TrainingConfig(**{**TINIES["sac"], "steps": 80, "evaluate_every": 80}), tmp_path / "sac")
+    train(config_of(**{**TINIES["sac"], "steps": 80, "evaluate_every": 80}), tmp_path / "sac")
     with pytest.raises(ValueError, match=r"must be a fully connected network, as PPO and teaching make it"):
-        train(TrainingConfig(**{**TINY, "initial_policy": str(tmp_path / "sac")}), tmp_path / "run")
+        train(config_of(**{**TINY, "initial_policy": str(tmp_path / "sac")}), tmp_path / "run")
 
 
 def test_lessons_end() -> None:
     """Episodes begin anew, without the lessons' options; what is observed has the same space."""
-    config = TrainingConfig(**TINIES["lessons"])
+    config = config_of(**TINIES["lessons"])
     model = new_model(config)
     lessons = model.get_env()
     assert lessons is not None
@@ -116,7 +116,7 @@ def test_lessons_end() -> None:
     assert isinstance(batch, FlexArmVecEnv)
     assert (batch.env.settings.lap_time, batch.env.settings.deflection_limit) == (32.0, None)
     model.learn(128)
-    end_lessons(config, model)
+    end_curriculum(config, model)
     after = model.get_env()
     assert after is not None
     judged = after.unwrapped
@@ -128,7 +128,7 @@ def test_lessons_end() -> None:
 
 def test_lessons_with_another_observation(tmp_path: Path) -> None:
     for options in ({"last_actions": 2}, {"scaled": False}, {"torque_limit": [100.0, 50.0]}):
-        config = TrainingConfig(**{**TINY, "lesson_options": options})
-        with pytest.raises(ValueError, match=r"lesson_options = .*: must leave observation and action of the environ"):
+        config = config_of(**{**TINY, "curriculum_options": options})
+        with pytest.raises(ValueError, match=r"curriculum_options = .*: must leave observation and action"):
             train(config, tmp_path / "run")
     assert not (tmp_path / "run").exists()

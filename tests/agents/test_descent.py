@@ -15,13 +15,13 @@ import torch
 from numpy.typing import NDArray
 
 import flexarm_agents.descent.training
-from flexarm_agents import DescentConfig, TrainingStopped, descend, evaluate, load_policy
+from flexarm_agents import FOPGConfig, TrainingStopped, evaluate, load_policy, train
 from flexarm_agents.descent.adjoint import seen_in, wanted_gradients
 from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.learner import Figures
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.readings import instants
-from flexarm_agents.descent.training import Descent
+from flexarm_agents.descent.training import FOPGTraining
 from flexarm_agents.descent.window import Driver, Window
 from flexarm_agents.environments import make_batch
 from flexarm_agents.training.run_folder import RunFolder
@@ -53,12 +53,12 @@ class Chain:
 
     def __init__(self, **options: Any) -> None:
         given, lessons = {**OPTIONS, **options}, {"start": "moving"}
-        self.config = DescentConfig(
+        self.config = FOPGConfig(
             horizon=self.periods,
             arms=self.arms,
             episode_steps=13,
             options=given,
-            lesson_options=lessons,
+            curriculum_options=lessons,
             deflection_share=0.01,
         )
         self.env = make_batch(ID, self.arms, self.config.batch_options)
@@ -164,16 +164,16 @@ def test_observations_are_those_of_the_environment(frame: str) -> None:
 )
 def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options: dict[str, Any]) -> None:
     with refuses(ValueError, f"{next(iter(options))} = ", "derivatives run through"):
-        descend(DescentConfig(options=options), tmp_path / "run")
+        train(FOPGConfig(options=options), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
-    ("lessons", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "lesson_options = ")]
+    ("lessons", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "curriculum_options = ")]
 )
 def test_lessons_are_checked_before_anything_is_written(tmp_path: Path, lessons: dict[str, Any], words: str) -> None:
     with refuses(ValueError, words):
-        descend(DescentConfig(lesson_options=lessons), tmp_path / "run")
+        train(FOPGConfig(curriculum_options=lessons), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
@@ -192,8 +192,9 @@ def test_episodes_begin_one_after_the_other() -> None:
 def test_arms_that_fly_apart_are_left_out(tmp_path: Path, torque: float) -> None:
     """Neither their states nor their derivatives are numbers."""
     options = {"torque_limit": [torque, torque], "deflection_limit": None, "error_limit": None}
-    config = DescentConfig(arms=4, horizon=8, episode_steps=20, torque_noise=1.0, hidden=(8,), options=options)
-    training = Descent(config, RunFolder(tmp_path))
+    config = FOPGConfig(arms=4, horizon=8, episode_steps=20, torque_noise=1.0, hidden=(8,), options=options)
+    training = FOPGTraining(config, RunFolder(tmp_path))
+    training.start()
     figures = [training.window() for _ in range(3)]
     training.driver.env.close()
     assert min(one.lost for one in figures) > 0
@@ -210,8 +211,8 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
     np.testing.assert_allclose(cost[[0, 2]], [1e-6 / 0.4, 5.0 - 0.2], rtol=1e-3)
     np.testing.assert_allclose((error_cost(squares + 1e-7, 0.2)[0] - cost) / 1e-7, slope, rtol=1e-3)
     farther = error_cost(np.array(2.5**2), 0.3)[0]
-    assert largest_cost(Settings(), DescentConfig(error_knee=0.3)) == pytest.approx(float(farther))
-    assert largest_cost(Settings(error_limit=None), DescentConfig(error_knee=0.3)) == pytest.approx(17.7, rel=1e-2)
+    assert largest_cost(Settings(), FOPGConfig(error_knee=0.3)) == pytest.approx(float(farther))
+    assert largest_cost(Settings(error_limit=None), FOPGConfig(error_knee=0.3)) == pytest.approx(17.7, rel=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +225,7 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
         ({"critic_observation": ["state", "state"]}, "each only once"),
         ({"critic_epochs": 0, "critic_batch": 64}, "critic_batch = 64: has no effect with critic_epochs = 0"),
         ({"hidden": []}, "hidden = "),
-        ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
+        ({"curriculum_options": {"noise": -1.0}}, "noise = -1.0"),
         ({"torque_noise": 2.0}, "torque_noise = 2.0"),
         ({"candidates": 0}, "candidates = 0: must be an integer >= 1"),
         ({"rounds": 1}, "trial_rounds = 4: must be at most rounds = 1, with more than one of candidates"),
@@ -232,15 +233,15 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
     with refuses((TypeError, ValueError), words):
-        DescentConfig.of(changes)
+        FOPGConfig.of(changes)
 
 
 def test_what_the_critic_alone_sees_comes_last() -> None:
     late = {"observation": ["joint_error", "sensor_error"]}
-    assert DescentConfig(options=late).batch_options["observation"] == [
+    assert FOPGConfig(options=late).batch_options["observation"] == [
         "joint_error", "sensor_error", "modal_coordinates", "modal_rates",
     ]  # fmt: skip
-    assert DescentConfig(options=late, critic_epochs=0).batch_options["observation"] == late["observation"]
+    assert FOPGConfig(options=late, critic_epochs=0).batch_options["observation"] == late["observation"]
 
 
 # --- the whole ------------------------------------------------------------------------------------------------------
@@ -276,58 +277,58 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
 ) -> None:
     """In the trial of the second candidate or of the third, or in the last round."""
 
-    class Breaking(Descent):
+    class Breaking(FOPGTraining):
         def window(self) -> Figures:
             if self.done == rounds:
                 raise Interrupted
             return super().window()
 
-    config = DescentConfig(**DESCENDED)
+    config = FOPGConfig(**DESCENDED)
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "Descent", Breaking)
+        patch.setattr(flexarm_agents.descent.training, "FOPGTraining", Breaking)
         with pytest.raises(Interrupted):
-            descend(config, tmp_path / "run")
+            train(config, tmp_path / "run")
     torch.manual_seed(5)  # what the generator did meanwhile has no influence
-    descend(config, tmp_path / "run", resume=True)
+    train(config, tmp_path / "run", resume=True)
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
     rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, tmp_path / "run")]
     assert all(row.pop("seconds") for each in rows for row in each)
     assert rows[0] == rows[1]
     before = (tmp_path / "run" / "last_policy.npz").read_bytes()
-    outcome = descend(config, tmp_path / "run", resume=True)  # it is complete
+    outcome = train(config, tmp_path / "run", resume=True)  # it is complete
     assert (tmp_path / "run" / "last_policy.npz").read_bytes() == before
     assert outcome.last["steps"] == 256
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
     with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
-        descend(config, tmp_path / "run", resume=True)
+        train(config, tmp_path / "run", resume=True)
 
 
 def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sent: list[int] = []
 
-    class Signalled(Descent):
+    class Signalled(FOPGTraining):
         def window(self) -> Figures:
             if not sent:
                 os.kill(os.getpid(), signal.SIGTERM)
                 sent.append(signal.SIGTERM)  # a second one would end the process
             return super().window()
 
-    config = DescentConfig(**DESCENDED)
+    config = FOPGConfig(**DESCENDED)
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "Descent", Signalled)
+        patch.setattr(flexarm_agents.descent.training, "FOPGTraining", Signalled)
         with pytest.raises(TrainingStopped) as caught:
-            descend(config, tmp_path / "run")
+            train(config, tmp_path / "run")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 64)
-    assert descend(config, tmp_path / "run", resume=True).last["steps"] == 256
+    assert train(config, tmp_path / "run", resume=True).last["steps"] == 256
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
 
 
 def test_the_checkpoint_of_another_descent_is_refused(run: Path, tmp_path: Path) -> None:
     other = RunFolder(tmp_path / "other")
-    other.begin(DescentConfig(**DESCENDED, seed=1), json.loads((run / "versions.json").read_text()))
+    other.begin(FOPGConfig(**DESCENDED, seed=1), json.loads((run / "versions.json").read_text()))
     shutil.copy(run / "checkpoint.zip", other.checkpoint)
     with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
-        descend(DescentConfig(**DESCENDED, seed=1), other.path, resume=True)
+        train(FOPGConfig(**DESCENDED, seed=1), other.path, resume=True)
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
@@ -335,9 +336,10 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     lap = {"start": "corner", "elbow_branch": "negative"}
     sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
     sizes["torque_noise"] = 0.0
-    training = Descent(
-        DescentConfig(windows=40, rounds=1, candidates=1, lesson_options=lap, **sizes), RunFolder(tmp_path)
+    training = FOPGTraining(
+        FOPGConfig(windows=40, rounds=1, candidates=1, curriculum_options=lap, **sizes), RunFolder(tmp_path)
     )
+    training.start()
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from stable_baselines3.common.logger import Logger
 
-from flexarm_agents import DescentConfig
-from flexarm_agents.descent.training import Descent
+from flexarm_agents import FOPGConfig
+from flexarm_agents.descent.training import FOPGTraining
 from flexarm_agents.descent.window import Window
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import DESCENDED, row
@@ -21,29 +21,31 @@ from tests.support.trainings import DESCENDED, row
 )
 def test_the_best_candidate_goes_on(errors: list[float | None], best: int, tmp_path: Path) -> None:
     """By the evaluation after its trial; it goes on where it was, in its own episodes."""
-    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
-    logger = Logger(folder=None, output_formats=[])
+    training = FOPGTraining(FOPGConfig(**DESCENDED), RunFolder(tmp_path))
+    training.logger = Logger(folder=None, output_formats=[])
+    training.start()
     learners, drivers = [], []
     for error in errors:
-        training.next_round(logger)
-        training.found.rows.append(row(64, error, 0.05))
+        training.next_round()
+        training.progress.rows.append(row(64, error, 0.05))
         learners.append(training.learner)
         drivers.append(training.driver)
     assert len(set(map(id, learners))) == len(errors)
-    training.next_round(logger)
+    training.next_round()
     assert training.learner is learners[best]
     assert training.driver is drivers[best]
     training.close()
 
 
 def test_candidates_differ_and_meet_the_same_episodes(tmp_path: Path) -> None:
-    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
+    training = FOPGTraining(FOPGConfig(**DESCENDED), RunFolder(tmp_path))
+    training.start()
 
     def at_rest() -> Window:
         return training.driver.window(lambda seen: np.zeros((len(seen), 2)), 3)
 
     policy, window = training.policy(), at_rest()
-    training.found.rows.append(row(64, 0.1, 0.1))
+    training.progress.rows.append(row(64, 0.1, 0.1))
     training._end_trial(last=False)
     assert not np.array_equal(policy.weights[0], training.policy().weights[0])
     assert np.array_equal(window.states, at_rest().states)

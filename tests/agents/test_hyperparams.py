@@ -13,8 +13,9 @@ import torch
 import yaml
 
 import flexarm_agents
-from flexarm_agents import TrainingConfig
+from flexarm_agents import PPOConfig, config_of
 from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.training.config import read_config
 from flexarm_agents.training.hyperparameters import settings_of
 from flexarm_agents.training.models import arguments
 
@@ -51,32 +52,32 @@ def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
 
 def test_the_files_are_the_only_source() -> None:
     """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id, no lessons."""
-    config = TrainingConfig()
+    config = config_of()
     assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 512)
     assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
-    assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
-    other = replace(config, environment="FlexArm/Track-v0", lesson_options={})
-    assert other == TrainingConfig(environment="Track-v0")
-    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 200_000
-    assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
+    assert (config.log_std, config.episode_steps) == (-0.7, 600)
+    other = replace(config, environment="FlexArm/Track-v0", curriculum_options={})
+    assert other == config_of(environment="Track-v0")
+    assert config_of(algorithm="sac", environment="SquareResidual-v0").steps == 200_000
+    assert config_of(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
 
 
 def test_lessons_leave_what_the_options_say() -> None:
     """Tuned starts hold unless the options speak of starts; what a file of before lessons holds had none."""
-    assert TrainingConfig().lesson_options == {"start": "corners"}
-    assert TrainingConfig(options={"noise": 0.001}).lesson_options == {"start": "corners"}
+    assert config_of().curriculum_options == {"start": "corners"}
+    assert config_of(options={"noise": 0.001}).curriculum_options == {"start": "corners"}
     for options in ({"start": "moving"}, {"start_spread": [0.2, 0.2]}):
-        assert TrainingConfig(options=options).lesson_options == {}
-    before = TrainingConfig().plain()
-    del before["lesson_options"]
-    assert TrainingConfig.of(before) == TrainingConfig(lesson_options={})
+        assert config_of(options=options).curriculum_options == {}
+    before = config_of().plain()
+    del before["curriculum_options"]
+    assert read_config(before) == config_of(curriculum_options={})
 
 
 @pytest.mark.parametrize("algorithm", CLASSES)
 def test_every_setting_reaches_the_model(algorithm: str) -> None:
     """What the model is made with is what the file says, by the names of the library."""
     for environment, one in settings(algorithm).items():
-        found = arguments(TrainingConfig(algorithm=algorithm, environment=environment))
+        found = arguments(config_of(algorithm=algorithm, environment=environment))
         assert found.pop("learning_rate")(1.0) == float(one["learning_rate"].removeprefix("lin_"))
         policy = eval(one["policy_kwargs"], {"nn": torch.nn})
         assert {**found, "policy_kwargs": dict(found["policy_kwargs"])} == {
@@ -87,11 +88,11 @@ def test_every_setting_reaches_the_model(algorithm: str) -> None:
 def test_settings_that_are_not_the_algorithms_are_refused() -> None:
     one = settings("ppo")["FlexArm/Square-v0"]
     with pytest.raises(ValueError, match=r"hyperparams/ppo.yml: has no use for tau"):
-        settings_of("ppo", one | {"tau": 0.1})
+        settings_of(PPOConfig, one | {"tau": 0.1})
     with pytest.raises(ValueError, match=r"hyperparams/ppo.yml: lacks gamma"):
-        settings_of("ppo", {name: value for name, value in one.items() if name != "gamma"})
+        settings_of(PPOConfig, {name: value for name, value in one.items() if name != "gamma"})
     with pytest.raises(ValueError, match=r"policy_kwargs = '__import__\(\"os\"\)': must be dict"):
-        settings_of("ppo", one | {"policy_kwargs": '__import__("os")'})
+        settings_of(PPOConfig, one | {"policy_kwargs": '__import__("os")'})
 
 
 def test_the_environments_take_the_options() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents import TrainingConfig, load_policy, train
+from flexarm_agents import config_of, load_policy, train
 from flexarm_agents.environments import make_batch
 from tests.support.trainings import ID
 
@@ -40,7 +40,7 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
     Three seeds earned 2.3 to 3.7 times as much. Another processor rounds otherwise, which makes of a training another
     draw.
     """
-    config = TrainingConfig(
+    config = config_of(
         seed=1,
         steps=100_000,
         envs=8,

@@ -1,4 +1,4 @@
-"""Teacher and student: the teacher's plans, lessons, the student's network, the folder that a teaching leaves."""
+"""Teacher and student: the teacher's plans, rollouts, the student's network, the folder that a teaching leaves."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import pytest
 import torch
 
 import flexarm_agents.teaching.training
-from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingStopped, evaluate, load_policy, teach
+from flexarm_agents import DAggerConfig, NetworkPolicy, TrainingStopped, evaluate, load_policy, train
 from flexarm_agents.environments import make_batch
 from flexarm_agents.policies.encoders import PastReadings
-from flexarm_agents.teaching.lessons import Lesson, give_lesson, teacher_share
 from flexarm_agents.teaching.plans import Bank, bank
+from flexarm_agents.teaching.rollouts import Rollout, run_rollout, teacher_share
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Pupils, Teacher
-from flexarm_agents.teaching.training import _Teaching
+from flexarm_agents.teaching.training import DAggerTraining
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal import load_plan
 from flexarm_env import ArmParameters
@@ -40,7 +40,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def teacher(run: Path) -> Teacher:
-    return Teacher.of(TeachingConfig(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
+    return Teacher.of(DAggerConfig(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
 
 
 # --- the teacher ----------------------------------------------------------------------------------------------------
@@ -100,23 +100,23 @@ def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
 def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> None:
     (name,) = options
     with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
-        Teacher.of(TeachingConfig(), Settings.of(options), tmp_path)
+        Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
 
 
-# --- lessons and student --------------------------------------------------------------------------------------------
+# --- rollouts and student --------------------------------------------------------------------------------------------
 
 
 def test_the_teacher_drives_less_and_less() -> None:
-    config = TeachingConfig(rounds=8, teacher_share=0.2)
+    config = DAggerConfig(rounds=8, teacher_share=0.2)
     np.testing.assert_allclose([teacher_share(config, n) for n in (0, 2, 4, 7)], [1.0, 0.6, 0.2, 0.2])
-    assert teacher_share(TeachingConfig(rounds=1), 1) == pytest.approx(0.2)
+    assert teacher_share(DAggerConfig(rounds=1), 1) == pytest.approx(0.2)
 
 
-def test_a_lesson_depends_on_nothing_but_its_arguments(run: Path, teacher: Teacher) -> None:
-    config = TeachingConfig(**TAUGHT)
+def test_a_rollout_depends_on_nothing_but_its_arguments(run: Path, teacher: Teacher) -> None:
+    config = DAggerConfig(**TAUGHT)
     student = NetworkPolicy.load(run / "last_policy.npz")
     env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
-    first, other, again = (give_lesson(env, teacher, student, config, number) for number in (1, 2, 1))
+    first, other, again = (run_rollout(env, teacher, student, config, number) for number in (1, 2, 1))
     env.close()
     for one, same in zip(first, again, strict=True):
         np.testing.assert_array_equal(one, same)
@@ -128,25 +128,25 @@ def test_a_lesson_depends_on_nothing_but_its_arguments(run: Path, teacher: Teach
 
 def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
     """On the very inputs of the fit, histories included."""
-    config, random = TeachingConfig(**TAUGHT), np.random.default_rng(0)
+    config, random = DAggerConfig(**TAUGHT), np.random.default_rng(0)
     encoder = NetworkPolicy.load(run / "last_policy.npz").encoder
     assert isinstance(encoder, PastReadings)
     count, periods = config.arms, 12
     ages = np.repeat(np.r_[np.arange(5), np.arange(periods - 5)], count)  # a second episode begins
     shape = (count * periods, encoder.size)
-    lesson = Lesson(
+    rollout = Rollout(
         random.normal(size=shape).astype(np.float32), ages, np.zeros((len(ages), 2), np.float32), np.ones(len(ages)), 0
     )
-    student = Student(config, encoder, lesson)
+    student = Student(config, encoder, rollout)
     chosen = torch.arange(len(ages))
-    inputs = student._inputs(torch.from_numpy(lesson.observations), torch.from_numpy(ages), chosen)
+    inputs = student._inputs(torch.from_numpy(rollout.observations), torch.from_numpy(ages), chosen)
     with torch.no_grad():
         expected = student.average((inputs - student._mean) / student._spread).numpy()
     policy, state = student.policy(), None
     for k in range(periods):
         rows = slice(k * count, (k + 1) * count)
         begun = ages[rows] == 0
-        found, state = policy.predict(lesson.observations[rows], state, begun, deterministic=True)
+        found, state = policy.predict(rollout.observations[rows], state, begun, deterministic=True)
         np.testing.assert_allclose(found, np.clip(expected[rows], -1.0, 1.0), atol=1e-5)
 
 
@@ -172,8 +172,10 @@ def test_what_a_teaching_leaves(run: Path) -> None:
 def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None:
     """A training for real, though a small one: first the student loses the path at once, then it keeps to it."""
     sizes = {"arms": 16, "rounds": 3, "updates": 400, "batch": 512, "hidden": [64, 64]}
-    config = TeachingConfig(**TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3})
-    outcome = teach(config, tmp_path / "run", plans=run / "plans")
+    config = DAggerConfig(
+        **TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3, "plans": str(run / "plans")}
+    )
+    outcome = train(config, tmp_path / "run")
     first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
     assert all(first[lap]["duration"] < 4.0 for lap in LAPS)
     assert all(outcome.best[lap]["rms"] < 0.2 for lap in LAPS)
@@ -185,30 +187,30 @@ class Interrupted(Exception):  # noqa: N818
 
 @pytest.fixture
 def broken_off(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Break the tiny teaching off in its second lesson."""
+    """Break the tiny teaching off in its second rollout."""
 
-    class Breaking(_Teaching):
-        def lesson(self, student: NetworkPolicy | None) -> Lesson:
+    class Breaking(DAggerTraining):
+        def rollout(self, student: NetworkPolicy | None) -> Rollout:
             if student is not None:
                 raise Interrupted
-            return super().lesson(student)
+            return super().rollout(student)
 
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.teaching.training, "_Teaching", Breaking)
+        patch.setattr(flexarm_agents.teaching.training, "DAggerTraining", Breaking)
         with pytest.raises(Interrupted):
-            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
+            train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run")
     return tmp_path / "run"
 
 
 def test_an_interrupted_teaching_ends_in_the_same_bits(run: Path, broken_off: Path) -> None:
     torch.manual_seed(5)  # what the generator did meanwhile has no influence
-    teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")
+    train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), broken_off, resume=True)
     assert same_policy(run / "last_policy.npz", broken_off / "last_policy.npz")
     rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, broken_off)]
     assert all(row.pop("seconds") for each in rows for row in each)
     assert rows[0] == rows[1]
     before = (broken_off / "last_policy.npz").read_bytes()
-    outcome = teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")  # it is complete
+    outcome = train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), broken_off, resume=True)  # it is complete
     assert (broken_off / "last_policy.npz").read_bytes() == before
     assert outcome.last["steps"] == 12800
 
@@ -216,33 +218,33 @@ def test_an_interrupted_teaching_ends_in_the_same_bits(run: Path, broken_off: Pa
 def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fit = Student.fit
 
-    def signalled(student: Student, lessons: list[Lesson]) -> None:
+    def signalled(student: Student, rollouts: list[Rollout]) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
-        fit(student, lessons)
+        fit(student, rollouts)
 
     with monkeypatch.context() as patch:
         patch.setattr(Student, "fit", signalled)
         with pytest.raises(TrainingStopped) as caught:
-            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
+            train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 6400)
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no checkpoint")
     with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
-        teach(TeachingConfig(**TAUGHT), tmp_path / "run", resume=True, plans=run / "plans")
+        train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run", resume=True)
 
 
 def test_only_the_same_configuration_resumes(run: Path) -> None:
     with pytest.raises(FileExistsError, match=re.escape(str(run))):
-        teach(TeachingConfig(**TAUGHT), run)
+        train(DAggerConfig(**TAUGHT), run)
     with refuses(ValueError, "knee = 0.5: the training in", "has 0.06; only the same configuration resumes"):
-        teach(TeachingConfig(**TAUGHT, knee=0.5), run, resume=True)
+        train(DAggerConfig(**TAUGHT, knee=0.5), run, resume=True)
 
 
 def test_the_checkpoint_of_another_teaching_is_refused(run: Path, tmp_path: Path) -> None:
     other = RunFolder(tmp_path / "other")
-    other.begin(TeachingConfig(**TAUGHT, seed=1), json.loads((run / "versions.json").read_text()))
+    other.begin(DAggerConfig(**TAUGHT, seed=1), json.loads((run / "versions.json").read_text()))
     shutil.copy(run / "checkpoint.zip", other.checkpoint)
     with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
-        teach(TeachingConfig(**TAUGHT, seed=1), other.path, resume=True)
+        train(DAggerConfig(**TAUGHT, seed=1), other.path, resume=True)
 
 
 @pytest.mark.parametrize(
@@ -254,9 +256,9 @@ def test_the_checkpoint_of_another_teaching_is_refused(run: Path, tmp_path: Path
         ({"averaging": 1.5}, "averaging = 1.5"),
         ({"plants": [1, 3]}, "plants[0] = 1"),
         ({"rouns": 3}, "rounds"),
-        ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
+        ({"curriculum_options": {"noise": -1.0}}, "noise = -1.0"),
     ],
 )
 def test_bad_configurations(changes: dict[str, Any], words: str) -> None:
     with refuses((TypeError, ValueError), words):
-        TeachingConfig.of(TAUGHT | changes)
+        DAggerConfig.of(TAUGHT | changes)

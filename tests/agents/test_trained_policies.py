@@ -15,7 +15,7 @@ import flexarm_agents.policies.load
 from flexarm_agents import (
     NetworkPolicy,
     StandardScore,
-    TrainingConfig,
+    config_of,
     evaluate,
     load_policy,
     network_policy,
@@ -50,7 +50,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("activation", ["elu", "tanh", "relu"])
 def test_numpy_predicts_what_torch_predicts(activation: Any) -> None:
-    model = new_model(TrainingConfig(**{**TINY, "activation": activation}))
+    model = new_model(config_of(**{**TINY, "activation": activation}))
     with torch.no_grad():  # away from the small weights of the start
         for parameter in model.policy.parameters():
             parameter.add_(0.3 * torch.randn_like(parameter))
@@ -76,7 +76,7 @@ def test_a_policys_own_randomness() -> None:
 
 
 def test_a_policy_survives_a_file(tmp_path: Path) -> None:
-    model = new_model(TrainingConfig(**TINY))
+    model = new_model(config_of(**TINY))
     policy = network_policy(model, {"config": {"environment": ID, "options": {}}})
     policy.save(tmp_path / "policy.npz")
     again = NetworkPolicy.load(tmp_path / "policy.npz")
@@ -94,7 +94,7 @@ def test_bad_policies(tmp_path: Path, run: Path) -> None:
     np.savez(tmp_path / "other.npz", x=np.zeros(3))
     np.savez(tmp_path / "future.npz", head=np.array('{"format": 99}'))
     np.savez(tmp_path / "few.npz", head=np.array('{"format": 1, "layers": 1}'))
-    network_policy(new_model(TrainingConfig(**TINY))).save(tmp_path / "bare.npz")
+    network_policy(new_model(config_of(**TINY))).save(tmp_path / "bare.npz")
     for name, message in [
         ("text.npz", "text.npz: not a saved policy"),
         ("other.npz", "no entry 'head'"),
@@ -157,7 +157,7 @@ def test_a_shipped_policy_is_the_median_of_its_trainings(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_defaults_reach_the_goal(tmp_path: Path, seed: int) -> None:
-    best = train(TrainingConfig(seed=seed), tmp_path / "run").best
+    best = train(config_of(seed=seed), tmp_path / "run").best
     for lap, (rms, rms_after_2s) in GOALS["square"].items():
         assert best[lap]["complete"]
         assert best[lap]["rms"] <= rms

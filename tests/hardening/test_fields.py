@@ -12,7 +12,7 @@ import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
+from flexarm_agents import DAggerConfig, FOPGConfig, PPOConfig, SACConfig
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.load import load_policy
 from flexarm_baselines.joint_space.tracking import JointFeedback, Shape
@@ -60,7 +60,7 @@ def subjects() -> dict[str, Subject]:
     """Return all subjects, by name."""
     plan, policy = load_plan("default_plain"), load_policy("square").policy
     arm = plan.arm
-    trained = (TrainingConfig, TeachingConfig, DescentConfig)
+    trained = (PPOConfig, SACConfig, DAggerConfig, FOPGConfig)
     kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, *trained)
     others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, IFDC)
     found = {kind.__name__: _declared(kind) for kind in (*kinds, *others)}
@@ -112,9 +112,9 @@ def test_fields_are_taken_or_refused_by_name(case: tuple[str, dict[str, Any]]) -
 
 
 FOUND: list[tuple[str, dict[str, Any]]] = [  # by campaigns
-    ("TeachingConfig", {"arms": None}),
-    ("DescentConfig", {"critic_epochs": np.zeros(0)}),
-    ("TrainingConfig", {"batch": 10**5000}),
+    ("DAggerConfig", {"arms": None}),
+    ("FOPGConfig", {"critic_epochs": np.zeros(0)}),
+    ("PPOConfig", {"batch": 10**5000}),
     ("PastReadings", {"lags": True}),
     ("PastReadings", {"remembered": 1j}),
     ("NetworkPolicy", {"weights": None}),

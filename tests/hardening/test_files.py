@@ -15,12 +15,13 @@ import pytest
 from hypothesis import event, example, given
 from hypothesis import strategies as st
 
-from flexarm_agents import TrainingConfig, train
+from flexarm_agents import PPOConfig, config_of, train
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.rows import Row
 from flexarm_agents.policies.load import POLICIES, load_policy
-from flexarm_agents.training.checkpoint import load_checkpoint
+from flexarm_agents.training.checkpoint import read_checkpoint
+from flexarm_agents.training.reward import RewardTraining
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
@@ -63,8 +64,12 @@ def _policy(path: Path) -> Any:
 
 
 def _checkpoint(path: Path) -> Any:
-    model, progress = load_checkpoint(path, TrainingConfig(**TINY))
-    return {name: value.numpy() for name, value in model.policy.state_dict().items()} | _values(progress)
+    training = RewardTraining(config_of(**TINY), RunFolder(path.parent))
+    kept = read_checkpoint(path, training.config)
+    training.restore(kept["state"])
+    training.close()
+    assert training.model is not None
+    return {name: value.numpy() for name, value in training.model.policy.state_dict().items()} | kept["progress"]
 
 
 @cache
@@ -87,16 +92,16 @@ def _read_cell(path: Path) -> Any:
 
 
 def _read_config(path: Path) -> Any:
-    return RunFolder(path.parent).read_config(TrainingConfig).plain()
+    return RunFolder(path.parent).read_config(PPOConfig).plain()
 
 
 def _trained(folder: Path) -> bytes:
-    train(TrainingConfig(**TINY), folder / "training", progress=False)
+    train(config_of(**TINY), folder / "training", progress=False)
     return (folder / "training" / "checkpoint.zip").read_bytes()
 
 
 def _configured(folder: Path) -> bytes:
-    RunFolder(folder / "run").begin(TrainingConfig(**TINY), {})
+    RunFolder(folder / "run").begin(config_of(**TINY), {})
     return (folder / "run" / "config.json").read_bytes()
 
 

@@ -75,10 +75,10 @@ def _check_training(folder: Path) -> int:
         if path.exists():
             load_policy(path)
     if run.checkpoint.exists():
-        from flexarm_agents.training.checkpoint import load_checkpoint
-        from flexarm_agents.training.config import TrainingConfig
+        from flexarm_agents import PPOConfig
+        from flexarm_agents.training.checkpoint import read_checkpoint
 
-        load_checkpoint(run.checkpoint, run.read_config(TrainingConfig))
+        read_checkpoint(run.checkpoint, run.read_config(PPOConfig))
     evaluations = run.evaluations.with_suffix(".json")
     return len(json.loads(evaluations.read_text())) if evaluations.exists() else 0
 

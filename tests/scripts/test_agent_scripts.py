@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
+from flexarm_agents import NetworkPolicy, Score, StandardScore, config_of, shipped_policies
 from flexarm_agents.board.rows import Row
 from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
@@ -262,7 +262,7 @@ def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell, monkeyp
 
 
 def test_seeds_of_one_setting_are_pooled_when_asked_for(flexarm: Shell) -> None:
-    config = TrainingConfig(**{**CONFIG, "options": {}}).plain()
+    config = config_of(**{**CONFIG, "options": {}}).plain()
     size = 46
     for seed in (0, 1, 2):
         weights = [np.full((2, size), 0.01 * seed, np.float32)]
@@ -284,7 +284,7 @@ def test_seeds_of_one_setting_are_pooled_when_asked_for(flexarm: Shell) -> None:
 
 
 def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell) -> None:
-    model = new_model(TrainingConfig(**{**CONFIG, "options": {}}))
+    model = new_model(config_of(**{**CONFIG, "options": {}}))
     model.save("model.zip")
     result = flexarm("evaluate", "model.zip", *ALONE)
     assert result.returncode == 1
@@ -309,7 +309,7 @@ def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell)
 def test_a_normalised_model_needs_its_statistics(flexarm: Shell) -> None:
     env = VecNormalize(DummyVecEnv([lambda: gymnasium.make("FlexArm/Square-v0")]))
     env.obs_rms.mean += 0.5
-    model = new_model(TrainingConfig(**{**CONFIG, "options": {}}))
+    model = new_model(config_of(**{**CONFIG, "options": {}}))
     model.save("model.zip")
     env.save("vecnormalize.pkl")
     given = ("evaluate", "--policy", "model.zip", "--stable-baselines3", "PPO", *OUTPUT)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
+from flexarm_agents import Score, StandardScore, config_of, load_policy
 from flexarm_agents.files import write_json
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.trainings import Training, trained
@@ -24,7 +24,7 @@ def training(seed: int, rms: float | None) -> Training:
     ended = "truncated" if rms is not None else "error"
     lap = Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
     best: dict[str, Any] = {"steps": 1, **StandardScore(lap, lap).as_mapping()}
-    return Training(TrainingConfig(**{**TINY, "seed": seed}), Path("nowhere"), best)
+    return Training(config_of(**{**TINY, "seed": seed}), Path("nowhere"), best)
 
 
 def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
@@ -38,7 +38,7 @@ def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
 
 
 def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
-    config = TrainingConfig(**TINY)
+    config = config_of(**TINY)
     first = trained(config, tmp_path / "run")
     again = trained(config, tmp_path / "run")  # taken over
     assert again == first
@@ -60,7 +60,7 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
 
 def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the environments have changed since, its best policy scores otherwise."""
-    config = TrainingConfig(**TINY)
+    config = config_of(**TINY)
     trained(config, tmp_path / "run")
     elsewhere = training(0, 0.1)
     monkeypatch.setattr("scripts.common.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
@@ -71,7 +71,7 @@ def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: p
 def test_curves_are_kept(tmp_path: Path) -> None:
     """Of all agents, those that were not trained now included; a lost lap has no error."""
     laps = [row(100 * n, rms, rms) for n, rms in enumerate((None, 0.2, 0.1), 1)]
-    found = [Training(TrainingConfig(seed=seed), tmp_path / "mine" / f"seed-{seed}", laps[-1]) for seed in range(2)]
+    found = [Training(config_of(seed=seed), tmp_path / "mine" / f"seed-{seed}", laps[-1]) for seed in range(2)]
     for one in found:
         one.folder.mkdir(parents=True)
         write_json(one.folder / "evaluations.json", laps)

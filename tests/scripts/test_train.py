@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents import TrainingConfig, train
+from flexarm_agents import PPOConfig, train
 from scripts import train as sweep
 from tests.support.programs import ROOT, run_here
 from tests.support.refusals import refuses
@@ -45,18 +45,18 @@ def test_seeds_are_numbers_and_ranges() -> None:
 
 
 def test_a_sweep_has_all_combinations_and_each_its_folder() -> None:
-    settings = sweep.settings_of({"learning_rate": [1e-3, 2e-3], "options": [{}, {"noise": 0.01}]})
+    settings = sweep.settings_of({"learning_rate": [1e-3, 2e-3], "options": [{}, {"noise": 0.01}]}, PPOConfig())
     assert len(settings) == 4
-    jobs = sweep.jobs_of(TrainingConfig(), settings, [0, 1], Path("out"))
+    jobs = sweep.jobs_of(PPOConfig(), settings, [0, 1], Path("out"))
     assert len({folder for _, folder in jobs}) == 8
     assert {config.learning_rate for config, _ in jobs} == {1e-3, 2e-3}
-    (one, folder), *_ = sweep.jobs_of(TrainingConfig(), [{}], [0], Path("out"))
-    assert (one, folder.parent) == (TrainingConfig(), sweep.jobs_of(one, [{}], [5], Path("out"))[0][1].parent)
+    (one, folder), *_ = sweep.jobs_of(PPOConfig(), [{}], [0], Path("out"))
+    assert (one, folder.parent) == (PPOConfig(), sweep.jobs_of(one, [{}], [5], Path("out"))[0][1].parent)
     with refuses(ValueError, "sweep['envs'] = 3", "a list"):
-        sweep.settings_of({"envs": 3})
+        sweep.settings_of({"envs": 3}, PPOConfig())
     for name in ("learning_rates", "seed"):
         with refuses(TypeError, name):
-            sweep.settings_of({name: [1]})
+            sweep.settings_of({name: [1]}, PPOConfig())
 
 
 def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
@@ -64,7 +64,7 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
 ) -> None:
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
     monkeypatch.setattr(sweep, "executor", InProcess)
-    base = TrainingConfig(**TINY)
+    base = PPOConfig(**TINY)
     options = sweep.Options("0-1", tmp_path / "sweep.json", tmp_path / "out")
     monkeypatch.setattr(sweep, "read", lambda: (base, options))
     sweep.main()
@@ -113,5 +113,5 @@ def test_a_signal_keeps_what_all_trainings_have(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*/*/last_policy.npz"))
     again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
     assert again.returncode == 0, again.stderr
-    train(TrainingConfig(**config), tmp_path / "undisturbed")
+    train(PPOConfig(**config), tmp_path / "undisturbed")
     assert same_policy(folders[0] / "last_policy.npz", tmp_path / "undisturbed" / "last_policy.npz")

@@ -7,17 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents import (
-    DescentConfig,
-    NetworkPolicy,
-    Score,
-    StandardScore,
-    TeachingConfig,
-    TrainingConfig,
-    descend,
-    teach,
-    train,
-)
+from flexarm_agents import DAggerConfig, FOPGConfig, NetworkPolicy, Score, StandardScore, config_of, train
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -46,20 +36,20 @@ TINIES: dict[str, dict[str, Any]] = {
         "observer": "nominal",
         "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
     },
-    "lessons": {**TINY, "lesson_options": {"lap_time": 32.0, "deflection_limit": None}, "lesson_steps": 200},
+    "lessons": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
     "recurrent lessons": {
         **TINY,
         "algorithm": "recurrent_ppo",
         "lstm": 8,
-        "lesson_options": {"start": "moving"},
-        "lesson_steps": 450,
+        "curriculum_options": {"start": "moving"},
+        "curriculum_steps": 450,
     },
     "sac lessons": {
         **_ALIKE,
         **_OFF_POLICY,
         "algorithm": "sac",
-        "lesson_options": {"start": "moving"},
-        "lesson_steps": 300,
+        "curriculum_options": {"start": "moving"},
+        "curriculum_steps": 300,
     },
     "initial": {
         **TINY,
@@ -107,21 +97,21 @@ def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
 def descended(folder: Path) -> Path:
     """Run a tiny training by first-order gradients in a folder below this one."""
     run = folder / "descended"
-    descend(DescentConfig(**DESCENDED), run)
+    train(FOPGConfig(**DESCENDED), run)
     return run
 
 
 def taught(folder: Path) -> Path:
     """Run a tiny teaching in a folder below this one."""
     run = folder / "taught"
-    teach(TeachingConfig(**TAUGHT), run)
+    train(DAggerConfig(**TAUGHT), run)
     return run
 
 
 def finished(folder: Path) -> Path:
     """Run the tiny training in a folder below this one."""
     run = folder / "tiny"
-    train(TrainingConfig(**TINY), run)
+    train(config_of(**TINY), run)
     return run
 
 

@@ -1,4 +1,4 @@
-"""Lessons: laps that student and teacher drive in turns, with what the teacher would have done in each period."""
+"""Rollouts: laps that student and teacher drive in turns, with what the teacher would have done in each period."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_agents.teaching.config import TeachingConfig
+from flexarm_agents.teaching.config import DAggerConfig
 from flexarm_agents.teaching.teacher import Pupils, Teacher
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
@@ -19,7 +19,7 @@ TURNS = 50  # [control periods] after which student and teacher are drawn anew
 BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
 
 
-class Lesson(NamedTuple):
+class Rollout(NamedTuple):
     """Samples of n arms over T control periods, one period after the other.
 
     Attributes:
@@ -37,13 +37,13 @@ class Lesson(NamedTuple):
     lost: int
 
 
-def give_lesson(
+def run_rollout(
     env: FlexArmVectorEnv,
     teacher: Teacher,
     student: NetworkPolicy | None,
-    config: TeachingConfig,
+    config: DAggerConfig,
     number: int,
-) -> Lesson:
+) -> Rollout:
     """Run a lap on every arm; the result depends on nothing but the arguments.
 
     Args:
@@ -81,10 +81,10 @@ def give_lesson(
         if begun.any():
             pupils = _pupils(env)
     observations, ages, answers, weights = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return Lesson(observations, ages, answers, weights, lost)
+    return Rollout(observations, ages, answers, weights, lost)
 
 
-def teacher_share(config: TeachingConfig, number: int) -> float:
+def teacher_share(config: DAggerConfig, number: int) -> float:
     """Return the share of the time in which the teacher drives: 1 in the first round, less in each one after it."""
     half = max(config.rounds // 2, 1)
     return 1.0 + (config.teacher_share - 1.0) * min(number / half, 1.0)
