@@ -6,7 +6,7 @@ import argparse
 import ast
 import inspect
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from itertools import pairwise
 from types import NoneType
@@ -17,26 +17,18 @@ from flexarm_agents.commands.arguments import Reader, json_argument
 Config = TypeVar("Config")
 
 
-def add_fields(reader: Reader, defaults: Any, without: Collection[str] = (), hidden: Collection[str] = ()) -> None:
+def add_fields(reader: Reader, defaults: Any) -> None:
     """Add an argument for each field.
 
     Args:
         reader: gets the arguments.
         defaults: a configuration, whose values are the defaults.
-        without: names of fields that get none.
-        hidden: names of fields that the help does not show.
     """
     texts, hints = _descriptions(type(defaults)), get_type_hints(type(defaults))
     for one in fields(defaults):
-        if one.name not in without:
-            value = getattr(defaults, one.name)
-            shown = f"{texts[one.name]}{_shown(value)}".replace("%", "%%")
-            reader.add_argument(
-                f"--{one.name.replace('_', '-')}",
-                default=value,
-                help=argparse.SUPPRESS if one.name in hidden else shown,
-                **_reading(hints[one.name]),
-            )
+        value = getattr(defaults, one.name)
+        shown = f"{texts[one.name]}{_shown(value)}".replace("%", "%%")
+        reader.add_argument(f"--{one.name.replace('_', '-')}", default=value, help=shown, **_reading(hints[one.name]))
 
 
 def read_fields(reader: Reader, kind: type[Config], given: argparse.Namespace) -> Config:
@@ -82,8 +74,6 @@ def _reading(hint: Any) -> dict[str, Any]:
     """
     if NoneType in get_args(hint):
         (inner,) = set(get_args(hint)) - {NoneType}
-        if inner is bool:
-            return {"type": _named({"None": None, "True": True, "False": False}), "metavar": "{None,True,False}"}
         reading = _reading(inner)
         return reading | {"type": _or_none(reading["type"])}
     if hint is bool:
@@ -103,13 +93,4 @@ def _or_none(read: Callable[[str], Any]) -> Callable[[str], Any]:
         return None if text == "None" else read(text)
 
     value.__name__ = getattr(read, "__name__", "value")  # argparse names it in messages
-    return value
-
-
-def _named(values: dict[str, Any]) -> Callable[[str], Any]:
-    def value(text: str) -> Any:
-        if text not in values:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be one of {', '.join(values)}")
-        return values[text]
-
     return value

@@ -7,58 +7,38 @@ import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
-from flexarm_agents import (
-    DescentConfig,
-    StandardScore,
-    TeachingConfig,
-    TrainingConfig,
-    TrainingStopped,
-    descend,
-    teach,
-    train,
-)
+from flexarm_agents import StandardScore, TrainingStopped, config_of, train
 from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.fields import add_fields, read_fields
-from flexarm_agents.training.config import RunConfig
-from flexarm_agents.training.hyperparameters import ALGORITHMS, SETTINGS, own_settings
+from flexarm_agents.training.config import ALGORITHMS, RunConfig, config_class
 from flexarm_agents.training.train import Outcome
-from flexarm_env.validation import choice
 
-DAGGER, FOPG = "dagger", "fopg"
-OTHERS: dict[str, tuple[type[RunConfig], Callable[..., Outcome]]] = {
-    DAGGER: (TeachingConfig, teach),
-    FOPG: (DescentConfig, descend),
-}
-NAMES = (*ALGORITHMS, *OTHERS)
 DESCRIPTION = """\
 Train an agent: by reward with PPO, RecurrentPPO, SAC or TQC, by a teacher that follows the best known plans with DAgger
 (dagger), or by first-order policy gradients, which run back through arm and sensor (fopg). The help shows the options
 of one algorithm: `flexarm train --algorithm sac --help`."""
-# Fields that only PPO has, beside those of `SETTINGS`.
-ONLY_PPO = ("lags", "observer", "initial_policy", "value_steps", "value_learning_rate")
+# Options of the last release, and their names now.
+OLD_OPTIONS = {"--lesson-options": "--curriculum-options", "--lesson-steps": "--curriculum-steps"}
 
 
 def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
+    arguments = [_present(one) for one in arguments]
     named = _named(arguments)
     reader = parser(named.algorithm, named.environment)
     given = reader.parse_args(arguments)
-    kind, training = OTHERS.get(given.algorithm, (TrainingConfig, train))
-    config = read_fields(reader, kind, given)
+    config = read_fields(reader, config_class(given.algorithm), given)
     folder = given.folder or config.folder
-    if given.algorithm == DAGGER:
-        training = partial(training, plans=given.plans)
-    _carry_out(lambda: training(config, folder, given.resume, given.progress), folder)
+    _carry_out(lambda: train(config, folder, given.resume, given.progress), folder)
 
 
-def parser(algorithm: str = "ppo", environment: str = TrainingConfig.environment) -> Reader:
+def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> Reader:
     """Return the parser of the arguments.
 
     Args:
-        algorithm: one of `NAMES`; its tuned settings for the environment are the defaults.
+        algorithm: one of `ALGORITHMS`; its tuned settings for the environment are the defaults.
         environment: id.
 
     Raises:
@@ -68,25 +48,17 @@ def parser(algorithm: str = "ppo", environment: str = TrainingConfig.environment
     reader = of_verb("train", DESCRIPTION)
     reader.usage = "flexarm train [OPTIONS]"  # there are many
     which = "PPO, RecurrentPPO, SAC, TQC, DAgger (dagger) or first-order policy gradients (fopg); ppo"
-    reader.add_argument("--algorithm", choices=NAMES, default="ppo", help=which)
+    reader.add_argument("--algorithm", choices=tuple(ALGORITHMS), default="ppo", help=which)
     reader.add_argument("--folder", type=Path, metavar="PATH", help="folder for the results; runs/NAME-SEED")
     resume = "continue the interrupted training in the folder; it must have the same configuration"
     reader.add_argument("--resume", action=switch, default=False, help=resume)
     progress = "show a bar where there is a terminal; without a bar, print a line for each evaluation"
     reader.add_argument("--progress", action=switch, default=True, help=progress)
-    if choice("algorithm", algorithm, NAMES) in OTHERS:
-        if algorithm == DAGGER:
-            plans = "folder for the teacher's plans, which several trainings can share; without it, in the results"
-            reader.add_argument("--plans", type=Path, metavar="PATH", help=plans)
-        add_fields(reader, OTHERS[algorithm][0](environment=environment))
-        return reader
-    tuned = TrainingConfig(algorithm=algorithm, environment=environment)  # type: ignore[arg-type]
-    hidden = [name for name in SETTINGS if name not in own_settings(algorithm)]
-    add_fields(reader, tuned, ["algorithm"], hidden if algorithm == "ppo" else [*hidden, *ONLY_PPO])
+    add_fields(reader, config_of(algorithm, environment=environment))
     return reader
 
 
-def tuned_for(arguments: Sequence[str]) -> TrainingConfig:
+def tuned_for(arguments: Sequence[str]) -> RunConfig:
     """Return the tuned configuration of the algorithm and the environment that arguments name.
 
     Args:
@@ -95,15 +67,26 @@ def tuned_for(arguments: Sequence[str]) -> TrainingConfig:
     Raises:
         ValueError: if there is no such algorithm or environment.
     """
-    return TrainingConfig(**vars(_named(arguments)))
+    config: RunConfig = config_of(**vars(_named(arguments)))
+    return config
 
 
 def _named(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the algorithm and the environment that arguments name, which decide the other defaults."""
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    for name in ("algorithm", "environment"):
-        first.add_argument(f"--{name}", default=getattr(TrainingConfig, name))
+    for name, usual in (("algorithm", "ppo"), ("environment", RunConfig.environment)):
+        first.add_argument(f"--{name}", default=usual)
     return first.parse_known_args(list(arguments))[0]
+
+
+def _present(argument: str) -> str:
+    """Replace an option of the last release, with a warning on stderr."""
+    name, equals, value = argument.partition("=")
+    if name not in OLD_OPTIONS:
+        return argument
+    now = OLD_OPTIONS[name]
+    print(f"{name} is now {now}; the old name goes with the next release", file=sys.stderr)
+    return f"{now}{equals}{value}"
 
 
 def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:

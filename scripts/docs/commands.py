@@ -10,8 +10,8 @@ from pathlib import Path
 
 from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
-from flexarm_agents.commands.train import NAMES
 from flexarm_agents.commands.train import parser as training
+from flexarm_agents.training.config import ALGORITHMS
 from scripts.analysis import __main__ as analysis
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
@@ -29,7 +29,7 @@ def text() -> str:
         parts += section(import_module(f"flexarm_agents.commands.{name}").parser())
         parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
         if verb == "train":
-            parts += [line for other in NAMES[1:] for line in further(training(), training(other), other)]
+            parts += [line for other in [*ALGORITHMS][1:] for line in further(training(), training(other), other)]
     for name in STUDIES:
         package = import_module(f"scripts.{name}")
         module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")

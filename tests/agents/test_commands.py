@@ -11,12 +11,13 @@ import pytest
 
 import flexarm_agents
 import flexarm_env
-from flexarm_agents import TrainingConfig, shipped_policies
+from flexarm_agents import PPOConfig, shipped_policies
 from flexarm_agents.commands import VERBS, main, show
 from flexarm_agents.commands import train as training
 from flexarm_agents.commands.arguments import EXAMPLES, STATUS
 from flexarm_agents.commands.fields import read_fields
 from flexarm_agents.commands.text import columns, from_markdown
+from flexarm_agents.training.config import ALGORITHMS, config_class
 from flexarm_baselines.registry import controller_names
 from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS
@@ -147,34 +148,31 @@ def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.Monke
 # --- train --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", training.NAMES)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_without_arguments_a_training_is_the_tuned_one(algorithm: str) -> None:
     reader = training.parser(algorithm)
-    kind, tuned = TrainingConfig, {"algorithm": algorithm}
-    if algorithm in training.OTHERS:
-        kind, tuned = training.OTHERS[algorithm][0], {}
-    assert read_fields(reader, kind, reader.parse_args(["--algorithm", algorithm])) == kind(**tuned)
+    kind = config_class(algorithm)
+    assert read_fields(reader, kind, reader.parse_args(["--algorithm", algorithm])) == kind()
 
 
 def test_arguments_are_read_as_their_fields_are() -> None:
     reader = training.parser()
     given = (
-        "--hidden 64 32 --activation tanh --learning-rate 3e-4 --seed 7 --lesson-steps None --critic-lstm None "
-        "--initial-policy student --lesson-options {}"
+        "--hidden 64 32 --activation tanh --learning-rate 3e-4 --seed 7 --curriculum-steps None "
+        "--initial-policy student --curriculum-options {}"
     )
-    config = read_fields(reader, TrainingConfig, reader.parse_args([*given.split(), "--options", '{"noise": 0.1}']))
+    config = read_fields(reader, PPOConfig, reader.parse_args([*given.split(), "--options", '{"noise": 0.1}']))
     expected = {"hidden": (64, 32), "activation": "tanh", "learning_rate": 3e-4, "seed": 7, "initial_policy": "student"}
-    assert config == TrainingConfig(**expected, lesson_options={}, options={"noise": 0.1})
+    assert config == PPOConfig(**expected, curriculum_options={}, options={"noise": 0.1})
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--batch", "7"), "batch = 7: must divide"),
-        (("--algorithm", "sac", "--clip", "0.2"), "clip = 0.2: has no effect with algorithm = 'sac'"),
-        (("--critic-lstm", "yes"), "argument --critic-lstm: 'yes': must be one of None, True, False"),
-        (("--lstm", "many"), "argument --lstm: invalid int value: 'many'"),
-        (("--lesson-options", "[]"), "argument --lesson-options: []: must be a JSON object"),
+        (("--algorithm", "sac", "--clip", "0.2"), "unrecognized arguments: --clip 0.2"),
+        (("--epochs", "many"), "argument --epochs: invalid int value: 'many'"),
+        (("--lesson-options", "[]"), "argument --curriculum-options: []: must be a JSON object"),
         (("--epoch", "3"), "unrecognized arguments: --epoch 3; did you mean --epochs?"),
     ],
 )
