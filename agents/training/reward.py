@@ -76,8 +76,8 @@ class RewardTraining(Training):
         super().__init__(config, run)
         model_class(config)
         check_curriculum(config)
-        begun = run.checkpoint.exists() or not isinstance(config, PPOConfig)
-        self._initial = None if begun else initial_policy(config, run)
+        begins = isinstance(config, PPOConfig) and not run.checkpoint.exists()
+        self._initial = initial_policy(config, run) if begins else None
 
     @property
     def steps(self) -> int:
