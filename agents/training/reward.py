@@ -76,8 +76,9 @@ class RewardTraining(Training):
         super().__init__(config, run)
         model_class(config)
         check_curriculum(config)
-        begins = isinstance(config, PPOConfig) and not run.checkpoint.exists()
-        self._initial = initial_policy(config, run) if begins else None
+        self._initial: NetworkPolicy | None = None
+        if isinstance(config, PPOConfig) and not run.checkpoint.exists():
+            self._initial = initial_policy(config, run)
 
     @property
     def steps(self) -> int:

@@ -22,16 +22,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import flexarm_agents.training.reward
-from flexarm_agents import (
-    DAggerConfig,
-    FlexArmVecEnv,
-    PPOConfig,
-    TrainingStopped,
-    config_of,
-    evaluate,
-    load_policy,
-    train,
-)
+from flexarm_agents import DAggerConfig, FlexArmVecEnv, PPOConfig, TrainingStopped, evaluate, load_policy, train
 from flexarm_agents.environments import make_batch
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
@@ -89,9 +80,9 @@ def test_the_best_policy_is_the_one_that_was_evaluated(run: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
-    train(config_of(**TINY), tmp_path / "again")
+    train(PPOConfig(**TINY), tmp_path / "again")
     assert same_policy(run / "last_policy.npz", tmp_path / "again" / "last_policy.npz")
-    train(config_of(**TINY, seed=1), tmp_path / "other")
+    train(PPOConfig(**TINY, seed=1), tmp_path / "other")
     assert not same_policy(run / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
 
 
@@ -111,7 +102,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, steps: int) -> No
     with monkeypatch.context() as patch:
         patch.setattr(flexarm_agents.training.reward, "TrainingCallback", Breaking)
         with pytest.raises(Interrupted):
-            train(config_of(**TINY), folder)
+            train(PPOConfig(**TINY), folder)
 
 
 @pytest.mark.parametrize("steps", [60, 400])
@@ -122,7 +113,7 @@ def test_an_interrupted_training_ends_in_the_same_bits(
     assert (tmp_path / "run" / "checkpoint.zip").exists() == (steps == 400)
     np.random.seed(5)  # noqa: NPY002
     torch.manual_seed(5)  # what the generators did meanwhile has no influence
-    outcome = train(config_of(**TINY), tmp_path / "run", resume=True)
+    outcome = train(PPOConfig(**TINY), tmp_path / "run", resume=True)
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
     mine, theirs = (json.loads((folder / "evaluations.json").read_text()) for folder in (tmp_path / "run", run))
     for rows in (mine, theirs):
@@ -147,7 +138,7 @@ def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps:
     with monkeypatch.context() as patch:
         patch.setattr(flexarm_agents.training.reward, "TrainingCallback", Signalling)
         with pytest.raises(TrainingStopped) as caught:
-            train(config_of(**{**TINY, "checkpoint_every": 10_000}), folder)
+            train(PPOConfig(**{**TINY, "checkpoint_every": 10_000}), folder)
     return caught.value
 
 
@@ -161,7 +152,7 @@ def test_a_signal_keeps_every_step(
     assert (stopped.signal, stopped.steps) == (number, kept)
     assert isinstance(stopped, KeyboardInterrupt)
     assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
-    train(config_of(**{**TINY, "checkpoint_every": 10_000}), tmp_path / "run", resume=True)
+    train(PPOConfig(**{**TINY, "checkpoint_every": 10_000}), tmp_path / "run", resume=True)
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
 
 
@@ -177,7 +168,7 @@ def test_a_second_signal_ends_at_once() -> None:
 def test_other_threads_train_without_handlers(tmp_path: Path) -> None:
     outcomes: list[object] = []
     thread = threading.Thread(
-        target=lambda: outcomes.append(train(config_of(**{**TINY, "steps": 128}), tmp_path / "run"))
+        target=lambda: outcomes.append(train(PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run"))
     )
     thread.start()
     thread.join()
@@ -187,7 +178,7 @@ def test_other_threads_train_without_handlers(tmp_path: Path) -> None:
 def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert not sys.stderr.isatty()
     with caplog.at_level(logging.INFO, "flexarm_agents"):
-        train(config_of(**TINY), tmp_path / "run", progress=True)
+        train(PPOConfig(**TINY), tmp_path / "run", progress=True)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 2
     early = r"lost after \d\.\d\d s: \w+"
@@ -199,7 +190,7 @@ def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog:
 def test_resuming_what_is_complete_changes_nothing(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "run")
     before = files(tmp_path / "run")
-    outcome = train(config_of(**TINY), tmp_path / "run", resume=True)
+    outcome = train(PPOConfig(**TINY), tmp_path / "run", resume=True)
     assert files(tmp_path / "run") == before
     assert outcome.last["steps"] == 512
 
@@ -207,7 +198,7 @@ def test_resuming_what_is_complete_changes_nothing(run: Path, tmp_path: Path) ->
 def test_what_a_killed_process_left_of_a_file_does_not_count(tmp_path: Path) -> None:
     """Killed while it wrote the first file, a training can be begun again."""
     (tmp_path / ".new-config.json").write_text("{")
-    config = config_of(**TINY)
+    config = PPOConfig(**TINY)
     folder = RunFolder(tmp_path)
     folder.begin(config, {})
     assert folder.read_config(PPOConfig) == config
@@ -233,21 +224,21 @@ def test_two_that_write_a_file_do_not_meet_and_leftovers_go_after_a_day(tmp_path
 def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:
     before = files(run)
     with pytest.raises(FileExistsError, match=rf"folder = {re.escape(str(run))}: exists and is not empty; resume"):
-        train(config_of(**TINY), run)
+        train(PPOConfig(**TINY), run)
     with pytest.raises(ValueError, match=r"seed = 4: the training in .* has 0; only the same .*: seed, gamma\)"):
-        train(config_of(**{**TINY, "gamma": 0.9, "seed": 4}), run, resume=True)
+        train(PPOConfig(**{**TINY, "gamma": 0.9, "seed": 4}), run, resume=True)
     with pytest.raises(FileNotFoundError, match=r"folder = .*nothing: holds no config.json"):
-        train(config_of(**TINY), tmp_path / "nothing", resume=True)
+        train(PPOConfig(**TINY), tmp_path / "nothing", resume=True)
     assert files(run) == before
     assert not (tmp_path / "nothing").exists()
     (tmp_path / "file").touch()
     with pytest.raises(FileExistsError, match="file: exists"):
-        train(config_of(**TINY), tmp_path / "file")
+        train(PPOConfig(**TINY), tmp_path / "file")
 
 
 def test_the_checkpoint_of_another_training_is_refused(run: Path, tmp_path: Path) -> None:
     """Its weights would end under this one's name."""
-    other = config_of(**{**TINY, "gamma": 0.9, "seed": 4})
+    other = PPOConfig(**{**TINY, "gamma": 0.9, "seed": 4})
     checkpoint = shutil.copytree(run, tmp_path / "run") / "checkpoint.zip"
     RunFolder(tmp_path / "other").begin(other, json.loads((run / "versions.json").read_text()))
     shutil.copy(checkpoint, tmp_path / "other")
@@ -269,10 +260,10 @@ def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     moved[-3] ^= 1  # the zip's list of contents is elsewhere, which the system refuses to look up
     checkpoint.write_bytes(moved)
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
-        read_checkpoint(checkpoint, config_of(**TINY))
+        read_checkpoint(checkpoint, PPOConfig(**TINY))
     checkpoint.write_bytes(b"no zip")
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
-        train(config_of(**TINY), tmp_path / "run", resume=True)
+        train(PPOConfig(**TINY), tmp_path / "run", resume=True)
 
 
 @pytest.mark.parametrize("changed", ["layout", "name"])
@@ -287,7 +278,7 @@ def test_a_checkpoint_of_another_version_is_refused(
         monkeypatch.delattr("flexarm_env.envs.batch.BatchSimulator")
     before = files(tmp_path / "run")
     with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of another version \(.*\); resume it with"):
-        train(config_of(**TINY), tmp_path / "run", resume=True)
+        train(PPOConfig(**TINY), tmp_path / "run", resume=True)
     assert files(tmp_path / "run") == before
 
 
@@ -305,7 +296,7 @@ def test_a_full_disk_names_the_folder(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(os, "replace", full)
     folder = tmp_path / "run"
     with pytest.raises(OSError, match=rf"No space left on device: {re.escape(repr(str(folder)))}"):
-        train(config_of(**TINY), folder)
+        train(PPOConfig(**TINY), folder)
     assert {one.name for one in folder.iterdir()} - {"tensorboard"} == {one.name for one in written}
 
 
@@ -313,7 +304,7 @@ def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        train(config_of(**{**TINY, "steps": 128}), tmp_path / "run")
+        train(PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run")
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
@@ -321,7 +312,7 @@ def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
 
 def test_a_time_limit_is_bootstrapped() -> None:
     """With rewards of the value's own scale the buffer's last reward must hold the value of what comes after."""
-    config = config_of(**{**TINY, "options": {"start": "moving"}, "episode_steps": 5, "rollout": 5, "batch": 20})
+    config = PPOConfig(**{**TINY, "options": {"start": "moving"}, "episode_steps": 5, "rollout": 5, "batch": 20})
     model = new_model(config)
     plain = FlexArmVecEnv(make_batch(ID, 4, {"start": "moving", "max_episode_steps": 5}))
     rewards: list[np.ndarray] = []
@@ -344,7 +335,7 @@ OTHERS = [pytest.param(f"{name}-v0", marks=pytest.mark.slow) for name in ("Reach
 
 @pytest.mark.parametrize("name", ["SquareEncoders-v0", "Track-v0", *OTHERS])
 def test_other_environments_are_trained_alike(tmp_path: Path, name: str) -> None:
-    config = config_of(**{**TINY, "environment": f"FlexArm/{name}", "steps": 128, "evaluation_laps": 2})
+    config = PPOConfig(**{**TINY, "environment": f"FlexArm/{name}", "steps": 128, "evaluation_laps": 2})
     train(config, tmp_path / "run")
     trained = load_policy(tmp_path / "run")
     env = trained.make_env()

@@ -120,8 +120,8 @@ def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
 
 def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Path) -> None:
     code = (
-        "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, RewardConfig; "
-        "config_of(); from flexarm_agents.commands import evaluate, main, warm_up; "
+        "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, PPOConfig; "
+        "PPOConfig(); from flexarm_agents.commands import evaluate, main, warm_up; "
         "main(['list']); main(['show', 'Square-v0']); "
         f"print(sorted(set({HEAVY!r}) & set(sys.modules)))"
     )
