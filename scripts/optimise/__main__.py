@@ -15,10 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from flexarm_agents.files import put
-from flexarm_baselines.optimal import Iteration, Plan, load_plan
+from flexarm_baselines.optimal import Plan, load_plan
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
@@ -26,15 +24,15 @@ from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.physics.paths import PATHS
 from flexarm_env.validation import choice
 from scripts.common.command_line import read_options, run
-from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
+from scripts.common.study import Study, update_docs
 from scripts.optimise import corner, reach
-from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
+from scripts.optimise.pareto import curve
 from scripts.optimise.score import regulated, score
-from scripts.optimise.search import SIDES, Candidate, Effort, search
-from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name
+from scripts.optimise.search import Candidate, Effort, search
+from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name, published
 
-PAGE = "optimal.md"
+PUBLISHED = Study("the best known laps", lambda folder, jobs: published(PLANS), TABLES)
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
 PATHS_OF: dict[str, tuple[str, ...]] = {"linear": ("square",)}  # of some arms; others have all
 
@@ -60,8 +58,6 @@ class Options:
     """So many of the starts go on."""
     iterations: int = 400
     """Most iterations of each of these."""
-    quick: bool = False
-    """A trial of the script: a few iterations."""
     pareto: bool = False
     """Follow each best lap of the square over a range of weights on changes of the torques: error against effort."""
     packaged: bool = False
@@ -76,7 +72,7 @@ def main() -> None:
     """Command line.
 
     Raises:
-        ValueError: for an unknown arm or lap, or plans of a quick run to be shipped.
+        ValueError: for an unknown arm, lap or reference.
     """
     options = read_options("python -m scripts.optimise", Options())
     for arm in options.arms:
@@ -85,61 +81,40 @@ def main() -> None:
         choice("laps", lap, tuple(LAPS))
     for path in options.paths:
         choice("paths", path, (*PATHS, reach.PATH, corner.PATH))
-    if options.ship and options.quick:
-        raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
     options.output.mkdir(parents=True, exist_ok=True)
+    files = []
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
-        if path not in PATHS_OF.get(arm, tuple(PATHS)):
-            continue
-        _optimise(arm, path, lap, options)
-        if options.ship:
-            PLANS.mkdir(exist_ok=True)
-            for suffix in (".npz", ".json"):
-                file = plan_name(arm, path, lap) + suffix
-                shutil.copyfile(options.output / file, PLANS / file)
+        if path in PATHS_OF.get(arm, tuple(PATHS)):
+            files += _optimise(arm, path, lap, options)
     if reach.PATH in options.paths:
-        _drawn(options)
+        files.append(DRAWN)
+        write_json(options.output / DRAWN, [reach.best(seed, options.output / reach.PATH) for seed in reach.SEEDS])
     if corner.PATH in options.paths:
-        _changed(options)
+        files.append(CHANGED)
+        write_json(options.output / CHANGED, [corner.best(change) for change in corner.CHANGES])
+    if options.ship:
+        PLANS.mkdir(exist_ok=True)
+        for file in files:
+            shutil.copyfile(options.output / file, PLANS / file)
     if options.docs:
-        update_docs(options.output)
+        PUBLISHED.show(published(PLANS), options.output)
+        update_docs([PUBLISHED], options.output)
 
 
-def update_docs(output: Path) -> None:
-    """Fill the page's tables from the plans of the package."""
-    for name, make in TABLES.items():
-        (output / f"{name}.md").write_text(make(PLANS))
-    page = DOCS / PAGE
-    page.write_text(filled(page.read_text(), output))
-    print(f"{page}: tables up to date")
-
-
-def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
-    """Search, write the best plan and its report, and print a line."""
+def _optimise(arm: str, path: str, lap: str, options: Options) -> list[str]:
+    """Search, write the best plan and its report, print a line, and return the names of both files."""
     output, name = options.output, plan_name(arm, path, lap)
-    weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
-    effort = Effort(options.trial, options.finalists, options.iterations, weight)
-    if options.quick:
-        effort = Effort(1, 1, 1, weight)
-    follow_curve = options.pareto and path == "square"
-    most = effort.trial * 2 ** SIDES.get(path, 1) + effort.iterations * (effort.finalists + 1)
-    most = most * (not options.packaged) + follow_curve * len(WEIGHTS) * ITERATIONS
-    with tqdm(total=most, unit="iteration", desc=name) as bar:
-
-        def tick(word: str, line: Iteration | None) -> None:
-            bar.update()
-            if line is not None:
-                bar.set_postfix_str(f"{word}: {line.cost:.4g} m^2, residual {line.residual:.1e}")
-
-        if options.packaged:
-            best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
-        else:
-            other = _other(name, ArmParameters.named(arm), lap, output)
-            found = search(ArmParameters.named(arm), lap, path, effort, output / name, other, tick)
-            best, report = found[0].plan, _report(found, lap, path)
-        earlier = _earlier_curve(output / f"{name}.json", report)
-        if follow_curve or earlier:
-            report["pareto"] = earlier or curve(best, lap, path, output / name, tick)
+    if options.packaged:
+        best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
+    else:
+        weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
+        effort = Effort(options.trial, options.finalists, options.iterations, weight)
+        parameters = ArmParameters.named(arm)
+        found = search(parameters, lap, path, effort, output / name, _other(name, parameters, lap, output))
+        best, report = found[0].plan, _report(found, lap, path)
+    earlier = _earlier_curve(output / f"{name}.json", report)
+    if earlier or (options.pareto and path == "square"):
+        report["pareto"] = earlier or curve(best, lap, path, output / name)
     put(output / f"{name}.npz", best.save)
     write_json(output / f"{name}.json", report)
     figures = report["score"]
@@ -148,27 +123,7 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
         f"largest {figures['true_tip_max']:.3f} m; branches {report['branches']}, residual {report['residual']:.1e}"
         + ("" if report["converged"] else " (not converged)")
     )
-
-
-def _drawn(options: Options) -> None:
-    """Optimise drawn motions, write their report, and print a line for each."""
-    seeds, rows = reach.SEEDS[: 1 if options.quick else None], []
-    with tqdm(total=len(seeds) * reach.ITERATIONS, unit="iteration", desc=reach.PATH) as bar:
-        for seed in seeds:
-            rows.append(reach.best(seed, options.output / reach.PATH, lambda word, line: bar.update()))
-            print(f"moves, seed {seed}: {rows[-1]['true_tip_rms']:.5f} m, residual {rows[-1]['residual']:.1e}")
-    write_json(options.output / DRAWN, rows)
-    if options.ship:
-        shutil.copyfile(options.output / DRAWN, PLANS / DRAWN)
-
-
-def _changed(options: Options) -> None:
-    """Optimise laps with one thing changed at a time, and write their report."""
-    iterations = 1 if options.quick else corner.ITERATIONS
-    with tqdm(unit="iteration", desc=corner.PATH) as bar:
-        write_json(options.output / CHANGED, corner.study(lambda line: bar.update(), iterations))
-    if options.ship:
-        shutil.copyfile(options.output / CHANGED, PLANS / CHANGED)
+    return [f"{name}.npz", f"{name}.json"]
 
 
 def _other(name: str, arm: ArmParameters, lap: str, output: Path) -> Plan | None:

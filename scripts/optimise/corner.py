@@ -5,26 +5,17 @@ Nothing else is: each lap is optimised from the same kind of start, with the sam
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import (
-    Iteration,
-    SolverOptions,
-    TrackingProblem,
-    follow,
-    joint_path,
-    lap_problem,
-    optimise,
-    usual_starts,
-)
+from flexarm_baselines.optimal import TrackingProblem, follow, joint_path, lap_problem, usual_starts
 from flexarm_env.laps import SETTLED
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.simulation.arm import FlexibleArm
+from scripts.optimise.search import optimised
 
 PATH = "corner"  # name of the study among the references
 ITERATIONS = 300
@@ -93,23 +84,15 @@ def blended(problem: TrackingProblem) -> Floats:
     return reference
 
 
-def study(tick: Callable[[Iteration], object], iterations: int = ITERATIONS) -> list[dict[str, Any]]:
-    """Optimise all changed laps, and return a row for each.
-
-    Args:
-        tick: called after each iteration.
-        iterations: most of each lap.
+def best(change: Change) -> dict[str, Any]:
+    """Optimise a changed lap.
 
     Returns:
         r.m.s. and largest error after 2 s, largest deflection of a link [m], residual of optimality.
     """
-    return [_row(change, tick, iterations) for change in CHANGES]
-
-
-def _row(change: Change, tick: Callable[[Iteration], object], iterations: int) -> dict[str, Any]:
     problem = changed_lap(change)
     start = follow(problem, joint_path(problem, usual_starts("plain")[0]))
-    found = optimise(problem, start, SolverOptions(iterations), tick)
+    found = optimised(problem, start, ITERATIONS, change.text)
     positions = found.run.states[:, : problem.arm.size]
     away = np.linalg.norm(problem.arm.tip(positions) - problem.reference, axis=1)[problem.time >= SETTLED]
     return {

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexarm_baselines.optimal import Iteration, Plan, lap_problem
+from flexarm_baselines.optimal import Plan, lap_problem
 from flexarm_env.laps import SETTLED
 from flexarm_env.simulation.feedback import Rollout
 from scripts.optimise.score import efforts
@@ -19,9 +18,7 @@ WEIGHTS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4)  # [m^2]
 ITERATIONS = 30  # of each weight at most; further ones change errors by less than a tenth of a millimetre
 
 
-def curve(
-    plan: Plan, lap: str, path: str, folder: Path, tick: Callable[[str, Iteration | None], Any]
-) -> list[dict[str, Any]]:
+def curve(plan: Plan, lap: str, path: str, folder: Path) -> list[dict[str, Any]]:
     """Return error and effort for each weight, from that of the plan on upward and downward.
 
     Each search begins where the one for the weight before ended.
@@ -33,7 +30,6 @@ def curve(
         lap: its name.
         path: name of its reference.
         folder: for the plans; those that it has are taken over.
-        tick: called with a word on what is done and each iteration; without one when a plan was taken over.
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = plan.notes["change_weight"]
@@ -45,7 +41,7 @@ def curve(
         for weight in weights:
             problem = lap_problem(plan.arm, lap, path=path, change_weight=weight)
             start = partial(Rollout, last.states, last.torques)
-            last = improved(problem, "", start, ITERATIONS, folder / f"pareto{weight:g}.npz", tick).plan
+            last = improved(problem, "", start, ITERATIONS, folder / f"pareto{weight:g}.npz").plan
             found[weight] = _row(last, weight)
     return [found[weight] for weight in sorted(found)]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import gymnasium
 import numpy as np
 
 import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_baselines.optimal import Branch, Iteration, TrackingProblem, follow, joint_path
+from flexarm_baselines.optimal import Branch, TrackingProblem, follow, joint_path
 from flexarm_baselines.optimal.laps import OPTIONS
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.arm import FlexibleArm
@@ -38,13 +37,12 @@ def problem_of(seed: int) -> TrackingProblem:
     return TrackingProblem(FlexibleArm(run.parameters), run.state[0], run.reference, **OPTIONS)
 
 
-def best(seed: int, folder: Path, tick: Callable[[str, Iteration | None], Any]) -> dict[str, Any]:
+def best(seed: int, folder: Path) -> dict[str, Any]:
     """Optimise an episode, and return its figures.
 
     Args:
         seed: of the environment.
         folder: for the plan; one that it has is taken over.
-        tick: called after each iteration; without one when a plan was taken over.
 
     Returns:
         Errors over the episode and while the reference rests [m], efforts, the solver's log.
@@ -52,7 +50,7 @@ def best(seed: int, folder: Path, tick: Callable[[str, Iteration | None], Any]) 
     folder.mkdir(parents=True, exist_ok=True)
     problem = problem_of(seed)
     start = partial(_follow, problem)
-    plan = improved(problem, SIDE, start, ITERATIONS, folder / f"{seed}.npz", tick).plan
+    plan = improved(problem, SIDE, start, ITERATIONS, folder / f"{seed}.npz").plan
     away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
     rests = np.all(plan.reference == np.roll(plan.reference, 1, axis=0), axis=1)
     log = plan.notes["log"]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from flexarm_agents.files import put
 from flexarm_baselines.optimal import (
@@ -27,7 +28,7 @@ from flexarm_baselines.optimal import (
     lap_square,
     optimise,
 )
-from flexarm_baselines.optimal.solver import rollout
+from flexarm_baselines.optimal.solver import Solution, rollout
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
@@ -93,7 +94,6 @@ def search(
     effort: Effort,
     folder: Path,
     other: Plan | None,
-    tick: Callable[[str, Iteration | None], Any],
 ) -> list[Candidate]:
     """Find plans for a lap; trials and finals that the folder has with the same settings are taken over.
 
@@ -105,7 +105,6 @@ def search(
         folder: for the plans on the way.
         other: plan of the arm's other lap, which the best one is grafted on as well, where its elbow is on the same
             side; None: there is none.
-        tick: called with a word on what is done and each iteration; without one when a plan was taken over.
 
     Returns:
         The finalists, the best one first, then the others as their trials left them, without those that diverged.
@@ -120,7 +119,7 @@ def search(
     for sequence, branches in sequences(task.elbow_branch, task.lap_time, SIDES.get(path, 1)):
         start = partial(_follow, problem, branches)
         with suppress(DivergingStartError):
-            found.append(improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
+            found.append(improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz"))
     if not found:
         raise DivergingStartError(f"the {lap} lap: the arm's state stays finite on no sequence of branches")
     found.sort(key=lambda one: one.cost)
@@ -128,12 +127,12 @@ def search(
     for one in found[: effort.finalists]:
         start = partial(Rollout, one.plan.states, one.plan.torques)
         file = folder / f"final{one.sequence}.npz"
-        finals.append(improved(problem, one.sequence, start, effort.iterations, file, tick))
+        finals.append(improved(problem, one.sequence, start, effort.iterations, file))
     best = min(finals, key=lambda one: one.cost)
     if other is not None and _same_side(best.plan, other):
         name = f"graft{best.sequence}"
         start = partial(grafted, problem, best.plan, other)
-        finals.append(improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz", tick))
+        finals.append(improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz"))
     return sorted(finals, key=lambda one: one.cost) + found[effort.finalists :]
 
 
@@ -172,7 +171,6 @@ def improved(
     start: Callable[[], Rollout],
     iterations: int,
     path: Path,
-    tick: Callable[[str, Iteration | None], Any],
 ) -> Candidate:
     """Optimise from a start, or take the plan over from its file.
 
@@ -182,17 +180,24 @@ def improved(
         start: returns the start.
         iterations: most iterations.
         path: the plan's file.
-        tick: see `search`.
     """
     settings = {"sequence": sequence, "change_weight": problem.change_weight, "most_iterations": iterations}
     plan = _earlier(path, problem, settings)
     if plan is None:
-        solution = optimise(problem, start(), SolverOptions(iterations), lambda line: tick(path.stem, line))
-        plan = Plan.of(problem, solution, **settings)
+        plan = Plan.of(problem, optimised(problem, start(), iterations, path.stem), **settings)
         put(path, plan.save)
-    else:
-        tick(path.stem, None)
     return Candidate(sequence, plan, plan.notes["log"]["cost"][-1])
+
+
+def optimised(problem: TrackingProblem, start: Rollout, iterations: int, name: str) -> Solution:
+    """Optimise from a start, with a progress bar of a name."""
+    with tqdm(total=iterations, unit="iteration", desc=name, leave=False) as bar:
+
+        def show(line: Iteration) -> None:
+            bar.set_postfix_str(f"{line.cost:.4g} m^2, residual {line.residual:.1e}")
+            bar.update()
+
+        return optimise(problem, start, SolverOptions(iterations), show)
 
 
 def _earlier(path: Path, problem: TrackingProblem, settings: dict[str, Any]) -> Plan | None:

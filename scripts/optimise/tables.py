@@ -3,97 +3,84 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
-ERRORS = ("true_tip_rms", "true_tip_rms_after_2s")  # over the lap / after 2 s
+Reports = Mapping[str, Any]  # by the names of their files
 DRAWN, CHANGED = "moves.json", "corner.json"  # the reports on drawn motions, and on changed laps
-CHANGED_ERRORS = {"true_tip_rms_after_2s": 2, "true_tip_max_after_2s": 0}  # with digits
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
 
 
-def reports(folder: Path) -> dict[str, Any]:
-    """Read the reports of plans, by the plans' names."""
-    return {path.stem: json.loads(path.with_suffix(".json").read_text()) for path in sorted(folder.glob("*.npz"))}
+def published(folder: Path) -> Reports:
+    """Read the reports of a folder."""
+    return {path.name: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
 
 
-def laps(folder: Path) -> str:
-    """Show the best known laps."""
-    found = reports(folder)
-    head = ["arm, lap", "error [mm]", "largest [mm]", "elbow", *EFFORTS.values(), "residual"]
-    return table(head, [_lap(name, report) for name, report in found.items()])
+def _plans(reports: Reports) -> dict[str, Any]:
+    """Return the reports of plans, by the plans' names."""
+    return {Path(name).stem: one for name, one in reports.items() if name not in (DRAWN, CHANGED)}
 
 
-def _lap(name: str, report: dict[str, Any]) -> list[str]:
-    score = report["score"]
-    largest, branches = f"{1e3 * score['true_tip_max']:.0f}", f"`{report['branches']}`"
-    return [_words(name), _errors(score), largest, branches, *_efforts(score), f"{report['residual']:.0e}"]
+def laps(reports: Reports) -> str:
+    """Tabulate the best known laps."""
+    rows = []
+    for name, report in _plans(reports).items():
+        score = report["score"]
+        largest, branches = f"{1e3 * score['true_tip_max']:.0f}", f"`{report['branches']}`"
+        row = (_text(name), _errors(score), largest, branches, *_efforts(score), f"{report['residual']:.0e}")
+        rows.append(row)
+    return table(("arm, lap", "error [mm]", "largest [mm]", "elbow", *EFFORTS.values(), "residual"), rows)
 
 
-def pareto(folder: Path) -> str:
-    """Show error against effort on the default arm's plain lap."""
-    found = reports(folder)
-    head = ["weight on changes [m²]", "error [mm]", *EFFORTS.values()]
-    return table(
-        head,
-        [
-            [f"{row['change_weight']:g}", _errors(row), *_efforts(row)]
-            for row in found["default_plain"].get("pareto", [])
-        ],
-    )
+def pareto(reports: Reports) -> str:
+    """Tabulate error against effort on the default arm's plain lap."""
+    curve = _plans(reports)["default_plain"].get("pareto", [])
+    rows = [(f"{row['change_weight']:g}", _errors(row), *_efforts(row)) for row in curve]
+    return table(("weight on changes [m²]", "error [mm]", *EFFORTS.values()), rows)
 
 
-def regulated(folder: Path) -> str:
-    """Show the errors of other arms under regulators along the default arm's plans of the square."""
-    found = reports(folder)
-    cases = list(CASES)
-    return table(
-        ["arm, lap", "regulator", *cases],
-        [
-            [_words(name), regulator, *(_errors(rows[case]) for case in cases)]
-            for name, report in found.items()
-            if parts(name)[:2] == ("default", "square")
-            for regulator, rows in report["regulated"].items()
-        ],
-    )
+def regulated(reports: Reports) -> str:
+    """Tabulate the errors of other arms under regulators along the default arm's plans of the square."""
+    rows = [
+        (_text(name), regulator, *(_errors(errors[case]) for case in CASES))
+        for name, report in _plans(reports).items()
+        if parts(name)[:2] == ("default", "square")
+        for regulator, errors in report["regulated"].items()
+    ]
+    return table(("arm, lap", "regulator", *CASES), rows)
 
 
-def drawn(folder: Path) -> str:
-    """Show the best known runs of `FlexArm/Reach-v0`."""
-    rows = json.loads((folder / DRAWN).read_text())
-    head = ["seed", "episode r.m.s. [mm]", "largest [mm]", "residual"]
-    return table(
-        head,
-        [
-            [
-                str(row["seed"]),
-                *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_max")),
-                f"{row['residual']:.0e}",
-            ]
-            for row in rows
-        ],
-    )
+def drawn(reports: Reports) -> str:
+    """Tabulate the best known runs of `FlexArm/Reach-v0`."""
+    rows = [
+        (
+            str(row["seed"]),
+            *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_max")),
+            f"{row['residual']:.0e}",
+        )
+        for row in reports[DRAWN]
+    ]
+    return table(("seed", "episode r.m.s. [mm]", "largest [mm]", "residual"), rows)
 
 
-def changed(folder: Path) -> str:
-    """Show what changes make of a corner."""
-    rows = json.loads((folder / CHANGED).read_text())
-    head = ["change", "after 2 s [mm]", "largest after 2 s [mm]", "largest bending of a link [m]", "residual"]
-    return table(
-        head,
-        [
-            [
-                row["change"],
-                *(f"{1e3 * row[key]:.{digits}f}" for key, digits in CHANGED_ERRORS.items()),
-                f"{row['peak_deflection']:.2f}",
-                f"{row['residual']:.0e}",
-            ]
-            for row in rows
-        ],
-    )
+def changed(reports: Reports) -> str:
+    """Tabulate what changes make of a corner."""
+    rows = [
+        (
+            row["change"],
+            f"{1e3 * row['true_tip_rms_after_2s']:.2f}",
+            f"{1e3 * row['true_tip_max_after_2s']:.0f}",
+            f"{row['peak_deflection']:.2f}",
+            f"{row['residual']:.0e}",
+        )
+        for row in reports[CHANGED]
+    ]
+    head = ("change", "after 2 s [mm]", "largest after 2 s [mm]", "largest bending of a link [m]", "residual")
+    return table(head, rows)
 
 
 def plan_name(arm: str, path: str, lap: str) -> str:
@@ -108,16 +95,17 @@ def parts(name: str) -> tuple[str, str, str]:
     return arm, path or "square", lap
 
 
-def _words(name: str) -> str:
+def _text(name: str) -> str:
     arm, path, lap = parts(name)
     return ", ".join([arm, *([] if path == "square" else [path.replace("_", " ")]), lap])
 
 
-def _errors(row: dict[str, Any]) -> str:
-    return " / ".join(f"{1e3 * row[key]:.1f}" for key in ERRORS)
+def _errors(row: Mapping[str, Any]) -> str:
+    """Write the error over the lap / after 2 s."""
+    return " / ".join(f"{1e3 * row[key]:.1f}" for key in ("true_tip_rms", "true_tip_rms_after_2s"))
 
 
-def _efforts(row: dict[str, Any]) -> list[str]:
+def _efforts(row: Mapping[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
