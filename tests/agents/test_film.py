@@ -117,17 +117,9 @@ def test_what_writes_files_is_named_with_its_extra(
 # --- bad input ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"fps": 0}, "fps = 0: must be an integer from 1 to 100"),
-        ({"speed": 0.0}, "speed = 0.0"),
-        ({"size": 10}, "size = 10: must be an integer from 64"),
-    ],
-)
-def test_bad_arguments(run: Trajectory, changes: dict[str, Any], words: str) -> None:
-    with refuses(ValueError, words):
-        Film(run, **changes)
+def test_bad_arguments(run: Trajectory) -> None:
+    with refuses(ValueError, "size = 10: must be an integer from 64"):
+        Film(run, size=10)
 
 
 @pytest.mark.parametrize(
@@ -166,11 +158,8 @@ def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--output", "x.txt"), "output's suffix = '.txt': must be one of '.png', '.gif', '.mp4'"),
-        (("--output", "x.gif", "--time", "1"), "time = 1 s: is for .png files"),
         (("--output", "x.png", "--time", "9"), "time = 9.0: must be a finite number"),
         (("--time", "1"), "time = 1 s: is for a .png file, see --output"),
-        (("--fps", "0"), "fps = 0"),
         (("--output", "x.gif", "--fps", "30"), "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a .gif file"),
     ],
 )
@@ -229,7 +218,7 @@ def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], monk
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--output", "x.avi"), "output's suffix = '.avi'"),
+        (("--output", "x.avi"), "output's suffix = '.avi': must be one of '.png', '.gif', '.mp4'"),
         (("--output", "folder.png"), "folder.png: is a folder"),
         (("--output", "x.png", "--time", "-1"), "time = -1.0: must be a finite number and >= 0.0 [s]"),
         (("--output", "x.gif", "--time", "1"), "time = 1 s: is for .png files"),

@@ -12,7 +12,7 @@ import pytest
 import torch
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from flexarm_agents import FlexArmVecEnv
 from flexarm_env.envs.termination import END_CODES
@@ -137,42 +137,6 @@ def test_options_of_single_environments() -> None:
     for env in (ours, theirs):
         env.set_options(wanted)  # no new seeds: the generators go on
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
-
-
-def test_vec_monitor(env: FlexArmVecEnv) -> None:
-    monitored = VecMonitor(env)
-    theirs = DummyVecEnv([lambda: Monitor(gymnasium.make(ID, max_episode_steps=LIMIT, **OPTIONS))] * COUNT)
-    for each in (monitored, theirs):
-        each.seed(2)
-        each.reset()
-    rng, found = np.random.default_rng(1), 0
-    for _ in range(2 * LIMIT):
-        torque = actions(rng)
-        _, _, dones, infos = monitored.step(torque)
-        _, _, _, others = theirs.step(torque)
-        for done, info, other in zip(dones, infos, others, strict=True):
-            assert ("episode" in info) == bool(done)
-            if done:
-                assert info["episode"]["l"] == other["episode"]["l"]
-                assert info["episode"]["r"] == pytest.approx(other["episode"]["r"], rel=1e-5)
-                found += 1
-    assert found > COUNT
-
-
-def test_vec_normalize() -> None:
-    normal = [VecNormalize(env, gamma=0.985) for env in pair("final")]
-    rng = np.random.default_rng(1)
-    for env in normal:
-        env.seed(2)
-    np.testing.assert_array_equal(*[env.reset() for env in normal])
-    for _ in range(2 * LIMIT):
-        torque = actions(rng)
-        ours, theirs = (env.step(torque) for env in normal)
-        for one, another in zip(ours[:3], theirs[:3], strict=True):
-            np.testing.assert_array_equal(one, another)
-        for done, one, another in zip(ours[2], ours[3], theirs[3], strict=True):
-            if done:
-                np.testing.assert_array_equal(one["terminal_observation"], another["terminal_observation"])
 
 
 def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
