@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import Point
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points, shares
-from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
 from flexarm_agents.code_version import code_version
 from flexarm_agents.files import put
@@ -36,33 +36,33 @@ WITHOUT_PART = (
     *("flexarm_env.formulas", "flexarm_env.allowed", "flexarm_env.validation"),
     *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.feedback", "flexarm_env.codegen.tangents"),
     *("flexarm_env.simulation.held_torque", "flexarm_env.simulation.feedback", "flexarm_env.simulation.open_loop"),
-    *(f"flexarm_agents.board.{name}" for name in ("rows", "columns", "terms")),
+    *(f"flexarm_agents.board.{name}" for name in ("entries", "columns", "terms")),
 )
 _SIMULATION = ("flexarm_agents.board.episodes",)
 _CHAIN = ("flexarm_env.chain.env",)
 
 
 class Cell(NamedTuple):
-    """A row at a point.
+    """An entry at a point.
 
     Attributes:
-        row: who is measured.
+        entry: who is measured.
         point: where.
         depends: all that the result depends on, as plain values.
     """
 
-    row: Row
+    entry: Entry
     point: Point
     depends: dict[str, Any]
 
     @classmethod
-    def of(cls, row: Row, point: Point) -> Cell:
+    def of(cls, entry: Entry, point: Point) -> Cell:
         """Find out what a result depends on.
 
         Raises:
-            TypeError, ValueError: for a row that cannot do the nominal task.
+            TypeError, ValueError: for an entry that cannot do the nominal task.
         """
-        return cls(row, point, {"policy": dict(row.fingerprint), **_environment(row, point)})
+        return cls(entry, point, {"policy": dict(entry.fingerprint), **_environment(entry, point)})
 
     @property
     def key(self) -> str:
@@ -76,9 +76,9 @@ def _content_hash(*values: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _environment(row: Row, point: Point) -> dict[str, Any]:
+def _environment(entry: Entry, point: Point) -> dict[str, Any]:
     """Return what the environment and its episodes are."""
-    options = point.environment_options(row.interface)
+    options = point.environment_options(entry.interface)
     task = TASKS[point.task]
     code = _code(task.hosted)
     episodes = [list(one) for one in point.episodes]
@@ -151,28 +151,28 @@ class Store:
 
 
 class Job(NamedTuple):
-    """Cells of one row that are computed together, as any worker can make them again.
+    """Cells of one entry that are computed together, as any worker can make them again.
 
     Attributes:
-        row: who is measured.
+        entry: who is measured.
         points: where.
         keys: of the cells.
     """
 
-    row: Row
+    entry: Entry
     points: tuple[Point, ...]
     keys: tuple[str, ...]
 
 
 def jobs_of(cells: Sequence[Cell]) -> list[Job]:
-    """Put cells together by their rows, at most as many episodes as a batch has."""
+    """Put cells together by their entries, at most as many episodes as a batch has."""
     jobs = []
-    for _, members in groupby(cells, lambda cell: cell.row.source + repr(cell.row)):
+    for _, members in groupby(cells, lambda cell: cell.entry.source + repr(cell.entry)):
         own = list(members)
         for some in shares([len(cell.point.episodes) for cell in own]):
             chosen = [own[n] for n in some]
             keys = tuple(cell.key for cell in chosen)
-            jobs.append(Job(chosen[0].row, tuple(cell.point for cell in chosen), keys))
+            jobs.append(Job(chosen[0].entry, tuple(cell.point for cell in chosen), keys))
     return jobs
 
 
@@ -183,6 +183,6 @@ def compute(job: Job) -> list[dict[str, Any]]:
         ValueError: if the code or the policy here is another than that for which the keys are.
     """
     for point, key in zip(job.points, job.keys, strict=True):
-        if Cell.of(job.row, point).key != key:
-            raise ValueError(f"row {job.row.name}: this worker has other code or another policy than who asks")
-    return run_points(job.row, job.points)
+        if Cell.of(job.entry, point).key != key:
+            raise ValueError(f"entry {job.entry.name}: this worker has other code or another policy than who asks")
+    return run_points(job.entry, job.points)

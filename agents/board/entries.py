@@ -1,50 +1,243 @@
-"""Who is on the board: the controllers by their names, shipped policies of the default arm, those whom a user adds."""
+"""`Entry`: who is measured: a controller by its name, a trained policy, anybody's class or function."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
-from flexarm_agents.board.rows import Row
-from flexarm_agents.policies.load import load_policy, shipped_policies
-from flexarm_baselines.registry import controller_names
+import gymnasium
+
+from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, interface_of, nominal_options
+from flexarm_agents.code_version import code_version, file_hash
+from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of
+from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
+from flexarm_agents.policies.load import check_fits, load_policy, policy_file, shipped_policies
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_baselines.controller import TorqueController
+from flexarm_baselines.policy import GainPolicy
+from flexarm_baselines.registry import CONTROLLERS, controller_names
+from flexarm_env.envs.registration import IDS
 from flexarm_env.validation import known_names, mapping
+
+NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
+_BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Who is measured, in plain values: any machine makes the same policy of them.
+
+    Attributes:
+        source: name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz
+            file; "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`.
+        name: shown in tables; "": the source, of a file or folder its name.
+        environment: id of the environment that observation and action are those of, for module:attribute and models.
+        options: options of that environment, those that are an entry's to choose (`environments.INTERFACE`).
+        algorithm: class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`.
+        vec_normalize: file of its statistics, see there.
+    """
+
+    source: str
+    name: str = ""
+    environment: str = SQUARE
+    options: Mapping[str, Any] = field(default_factory=dict)
+    algorithm: str | None = None
+    vec_normalize: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the id, the options and the name.
+
+        Raises:
+            ValueError: for a bad one.
+        """
+        own = Path(self.source).stem if Path(self.source).exists() else self.source
+        object.__setattr__(self, "name", self.name or own)
+        object.__setattr__(self, "environment", check_id(self.environment))
+        object.__setattr__(self, "options", interface_of(self.options, strict=True))
+        if not NAME.fullmatch(self.name):
+            raise ValueError(f"name = {self.name!r}: must match {NAME.pattern}")
+
+    def plain(self) -> dict[str, Any]:
+        """Return plain values, of which `Entry(**values)` makes the entry again."""
+        return {
+            "source": self.source,
+            "name": self.name,
+            "environment": self.environment,
+            "options": dict(self.options),
+            "algorithm": self.algorithm,
+            "vec_normalize": self.vec_normalize,
+        }
+
+    @property
+    def interface(self) -> dict[str, Any]:
+        """The entry's own options of its environments."""
+        return _recipe(_text(self)).interface
+
+    def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
+        """Return the policy with its nominal environment on a task.
+
+        Args:
+            task: a name in `terms.TASKS`.
+            fresh: make them anew; else each process makes them once.
+
+        Raises:
+            TypeError, ValueError: if the policy cannot do this task, or is none.
+        """
+        make = _candidate.__wrapped__ if fresh else _candidate
+        return make(_text(self), task)
+
+    def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
+        """Return the policy with any environment, both made anew.
+
+        Args:
+            environment: id of the environment, checked.
+            options: of the environment beside the entry's own.
+
+        Raises:
+            TypeError, ValueError: for a bad option, or an environment that does not fit the policy.
+        """
+        recipe = _recipe(_text(self))
+        whole = {**entry_options(recipe.interface), **options}
+        env = make_one(environment, whole)
+        return Candidate(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
+
+    @property
+    def batched(self) -> bool:
+        """Whether one call may choose the actions of several episodes, with all memory in `state`."""
+        policy = self.candidate().policy
+        return bool(getattr(policy, "batched", self.algorithm is not None or isinstance(policy, _BATCHED)))
+
+    @property
+    def fingerprint(self) -> dict[str, str]:
+        """What the policy is, to the last bit of its data, and the hash of the code that it runs."""
+        policy, recipe = self.candidate().policy, _recipe(_text(self))
+        named = [Path(file) for file in getattr(policy, "files", ())]
+        files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
+        return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How an entry's policy is made.
+
+    Attributes:
+        interface: options of its environments that are its own.
+        make: makes the policy for an environment.
+        label: what identifies it beside its code and files.
+        files: its data.
+        modules: names of modules beside that of its class.
+        config: configuration of its training; None for others.
+    """
+
+    interface: dict[str, Any]
+    make: Callable[[gymnasium.Env[Any, Any]], Any]
+    label: dict[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    modules: tuple[str, ...] = ()
+    config: dict[str, Any] | None = None
+
+
+def _text(entry: Entry) -> str:
+    """Return an entry as text, the key of what a process keeps."""
+    return json.dumps(entry.plain(), sort_keys=True)
+
+
+@lru_cache(maxsize=64)
+def _candidate(text: str, task: str) -> Candidate:
+    entry, recipe, one = Entry(**json.loads(text)), _recipe(text), TASKS[task]
+    options = nominal_options(recipe.interface, task)
+    environment = SQUARE if one.hosted else one.environment
+    env = make_one(environment, options)
+    return Candidate(entry.name, recipe.make(env), env, environment, options)
+
+
+def _modules(policy: Any) -> list[str]:
+    """Return the module of a policy's class or function; nothing for a model of another library."""
+    module = policy.__module__ if hasattr(policy, "__qualname__") else type(policy).__module__
+    return [] if module.startswith(("stable_baselines3", "sb3_contrib")) else [module]
+
+
+@lru_cache(maxsize=64)
+def _recipe(text: str) -> Recipe:
+    """Find out how an entry's policy is made."""
+    entry = Entry(**json.loads(text))
+    if entry.source in CONTROLLERS:
+        listed = CONTROLLERS[entry.source]
+        own = interface_of({**listed.options, **entry.options})
+        return Recipe(own, listed.make, {"controller": entry.source, "design": repr(dict(listed.design))})
+    declared = IDS[entry.environment.partition("/")[2]].options
+    if entry.algorithm is not None:
+        algorithm = entry.algorithm
+
+        def load(env: gymnasium.Env[Any, Any]) -> Any:
+            return loaded_model(entry.source, algorithm, env, entry.vec_normalize)
+
+        own = interface_of({**declared, **entry.options})
+        files = [entry.source] + [entry.vec_normalize] * (entry.vec_normalize not in ("", WITHOUT))
+        return Recipe(own, load, {"algorithm": algorithm}, tuple(map(Path, files)))
+    if ":" in entry.source and not Path(entry.source).exists():
+        found = imported(entry.source)
+        wanted = found.options() if hasattr(found, "options") else {}
+        counted = {"last_actions": 1} if "observation" in wanted else {}  # else the id's own, which may have no effect
+        own = interface_of({**declared, **counted, **wanted, **entry.options})
+        module = entry.source.partition(":")[0]
+        return Recipe(
+            own, lambda env: made_for(env, found, entry.source), {"attribute": entry.source}, modules=(module,)
+        )
+    return _trained(entry)
+
+
+def _trained(entry: Entry) -> Recipe:
+    trained = load_policy(entry.source)
+    settings = settings_of(trained.environment, trained.options)
+    own = {name: getattr(settings, name) for name in INTERFACE} | interface_of(entry.options)
+
+    def check(env: gymnasium.Env[Any, Any]) -> Any:
+        check_fits(entry.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
+        return trained.policy
+
+    return Recipe(own, check, files=(policy_file(entry.source),), config=trained.notes["config"])
+
 
 # The law acts on joints, which are not late, unless it is told to act on the late sensor, as in the paper.
 _LATE = {"law_sensor": "sensor", "sensor": "rigid"}
 LATE = (
-    Row("ifdc", "ifdc_late", options=_LATE),
-    Row("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
+    Entry("ifdc", "ifdc_late", options=_LATE),
+    Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
 FIELDS = ("source", "name", "environment", "options", "algorithm", "vec_normalize")
 
 
-def entries(added: Sequence[str]) -> list[Row]:
-    """Return all rows.
+def all_entries(added: Sequence[str]) -> list[Entry]:
+    """Return all entries.
 
     Args:
-        added: sources of further rows, or names of JSON files with the fields of one.
+        added: sources of further entries, or names of JSON files with the fields of one.
 
     Raises:
-        ValueError: if two have the same name, or a file is none of a row.
+        ValueError: if two have the same name, or a file does not hold an entry.
     """
-    rows = [Row(name) for name in controller_names()] + list(LATE)
-    rows += [Row(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
-    rows += [_added(source) for source in added]
-    names = [row.name for row in rows]
+    entries = [Entry(name) for name in controller_names()] + list(LATE)
+    entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
+    entries += [_added(source) for source in added]
+    names = [entry.name for entry in entries]
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"rows: two have the name {name!r}; give one another name in its JSON file")
-    return rows
+            raise ValueError(f"entries: two have the name {name!r}; give one another name in its JSON file")
+    return entries
 
 
-def _added(source: str) -> Row:
+def _added(source: str) -> Entry:
     if not source.endswith(".json"):
-        return Row(source)
+        return Entry(source)
     try:
         fields = mapping(source, json.loads(Path(source).read_text()))
         known_names(source, fields, FIELDS)
-        return Row(**fields)
+        return Entry(**fields)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{source}: no row ({error})") from error
+        raise ValueError(f"{source}: no entry ({error})") from error

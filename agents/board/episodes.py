@@ -1,4 +1,4 @@
-"""Runs the episodes of a row at some points: in batches whose lanes have settings of their own.
+"""Runs the episodes of an entry at some points: in batches whose lanes have settings of their own.
 
 A result is the same, to the last bit, whatever other points are run with it: the kernels' lanes do not depend on each
 other, and a policy is called with the episodes of one point at a time.
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.board.columns import Episode, Point
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.gauges import observation_map
-from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
@@ -58,30 +58,30 @@ class _Call(NamedTuple):
         return self.predict(own[0] if self.single else own, memory, start[self.lanes])
 
 
-def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Run a row at some points.
+def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Run an entry at some points.
 
     Args:
-        row: who is measured.
+        entry: who is measured.
         points: where.
 
     Returns:
-        For each point "episodes", a mapping of plain values for each; or "not_applicable", why the row cannot be
+        For each point "episodes", a mapping of plain values for each; or "not_applicable", why the entry cannot be
         run there.
 
     Raises:
-        ValueError: if the row cannot do the board's nominal task.
+        ValueError: if the entry cannot do the board's nominal task.
     """
     results: list[dict[str, Any]] = [{} for _ in points]
     batches: dict[str, list[int]] = {}
     settings: dict[int, Settings] = {}
-    row.candidate()  # else it is no row
+    entry.candidate()  # else it is no entry
     for n, point in enumerate(points):
         try:
-            settings[n] = Settings.of(point.environment_options(row.interface))
-            row.candidate(point.task)
+            settings[n] = Settings.of(point.environment_options(entry.interface))
+            entry.candidate(point.task)
             if TASKS[point.task].hosted:
-                _hosted(row, point).close()  # refuses what the other engine cannot do
+                _hosted(entry, point).close()  # refuses what the other engine cannot do
         except (TypeError, ValueError) as error:
             results[n] = {"not_applicable": str(error)}
             continue
@@ -89,7 +89,7 @@ def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
     for members in batches.values():
         for group in shares([len(points[n].episodes) for n in members]):
             some = [members[k] for k in group]
-            found = _run_some(row, [points[n] for n in some], [settings[n] for n in some])
+            found = _run_some(entry, [points[n] for n in some], [settings[n] for n in some])
             for n, result in zip(some, found, strict=True):
                 results[n] = result
     return results
@@ -114,13 +114,13 @@ def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
         yield some
 
 
-def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
+def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
     """Run points that fit into one batch: together, or each episode alone where arm or policy can no more."""
     task = TASKS[points[0].task]
-    candidate = row.candidate(points[0].task)
+    candidate = entry.candidate(points[0].task)
     nominal = candidate.env.unwrapped
     assert isinstance(nominal, FlexArmEnvBase)
-    if row.batched and not task.hosted:
+    if entry.batched and not task.hosted:
         predict = predictor(candidate.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
         ends = np.cumsum(counts).tolist()
@@ -130,21 +130,21 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
         results = [{"episodes": made[call.lanes]} for call in calls]
         # an error in a call ends all its episodes: they are run again, each alone, to see whose it is
         again = [n for n, one in enumerate(results) if any(e["ended"] == RAISED for e in one["episodes"])]
-        alone = _one_by_one(row, [points[n] for n in again], [each[n] for n in again])
+        alone = _one_by_one(entry, [points[n] for n in again], [each[n] for n in again])
         return [alone.pop(0) if n in again else one for n, one in enumerate(results)]
-    return _one_by_one(row, points, each)
+    return _one_by_one(entry, points, each)
 
 
-def _one_by_one(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
+def _one_by_one(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
     """Run every episode of some points of one task alone."""
     results: list[dict[str, Any]] = []
     for point, one in zip(points, each, strict=True):
-        task, candidate = TASKS[point.task], row.candidate(point.task, fresh=not row.batched)
+        task, candidate = TASKS[point.task], entry.candidate(point.task, fresh=not entry.batched)
         nominal: Any = candidate.env.unwrapped
-        calls = [_Call(slice(0, 1), predictor(candidate.policy, deterministic=True), not row.batched)]
+        calls = [_Call(slice(0, 1), predictor(candidate.policy, deterministic=True), not entry.batched)]
         made = []
         for episode in point.episodes:
-            env: Any = _hosted(row, point) if task.hosted else _batch([one])
+            env: Any = _hosted(entry, point) if task.hosted else _batch([one])
             view = env.envs[0].unwrapped if task.hosted else env
             made += _run(env, view, nominal, [episode], calls)
             env.close()
@@ -152,9 +152,9 @@ def _one_by_one(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> 
     return results
 
 
-def _hosted(row: Row, point: Point) -> Any:
+def _hosted(entry: Entry, point: Point) -> Any:
     """Make one environment whose arm is another engine's, as a vector environment."""
-    options = point.environment_options(row.interface)
+    options = point.environment_options(entry.interface)
     return gymnasium.make_vec(TASKS[point.task].environment, 1, vectorization_mode="sync", **options)
 
 

@@ -1,4 +1,4 @@
-"""Exact delay margins of the rows whose loop is linear: the paper's law with a constant gain on a late sensor."""
+"""Exact delay margins of the entries whose loop is linear: the paper's law with a constant gain on a late sensor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_baselines import IFDC
 from flexarm_env.analysis import delay_margin, law_loop
 from flexarm_env.envs.settings import Settings
@@ -18,16 +18,16 @@ from flexarm_env.physics.paths import square
 PLACES = 5  # on half a side of the square; the other sides repeat it
 
 
-def delay_margins(row: Row) -> Mapping[str, float] | None:
+def delay_margins(entry: Entry) -> Mapping[str, float] | None:
     """Return the least and the largest delay margin along the square [s], by the linear theory of an arm at rest.
 
     Args:
-        row: of the board.
+        entry: of the board.
 
     Returns:
-        "least" and "most"; None for a row whose loop is not linear, or does not contain the sensor.
+        "least" and "most"; None for an entry whose loop is not linear, or does not contain the sensor.
     """
-    candidate = row.candidate()
+    candidate = entry.candidate()
     settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
     assert isinstance(settings, Settings)
     if not isinstance(candidate.policy, IFDC) or settings.law_sensor != "sensor":

@@ -12,11 +12,10 @@ from tqdm import tqdm
 
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Column
-from flexarm_agents.board.entries import entries
+from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.margins import delay_margins
 from flexarm_agents.board.references import references
-from flexarm_agents.board.rows import Row
-from flexarm_agents.board.summary import row_summary
+from flexarm_agents.board.summary import entry_summary
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.files import put, write_json
@@ -25,27 +24,27 @@ from flexarm_agents.jobs.failures import Failure
 from flexarm_env.validation import choice
 
 DATA = "leaderboard.json"
-INCOMPLETE = "their rows lack cells, the cells that were computed are kept"  # after a failure
+INCOMPLETE = "their entries lack cells, the cells that were computed are kept"  # after a failure
 DIGITS = 6  # of the figures in the board's file
 
 
-def chosen_rows(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Row]:
-    """Return rows by their names.
+def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Entry]:
+    """Return entries by their names.
 
     Args:
         names: those that are wanted; none: all.
         without: those that are left out.
-        added: further rows, see `entries`; they are wanted, too.
+        added: further entries, see `all_entries`; they are wanted, too.
 
     Raises:
-        ValueError: for an unknown name, or a row that there cannot be.
+        ValueError: for an unknown name, or an entry that there cannot be.
     """
-    rows, own = entries(added), [row.name for row in entries(())]
+    entries, own = all_entries(added), [entry.name for entry in all_entries(())]
     for what, given in (("rows", names), ("without", without)):
         for name in given:
-            choice(what, name, tuple(row.name for row in rows))
-    wanted = [row for row in rows if not names or row.name in names or row.name not in own]
-    return [row for row in wanted if row.name not in without]
+            choice(what, name, tuple(entry.name for entry in entries))
+    wanted = [entry for entry in entries if not names or entry.name in names or entry.name not in own]
+    return [entry for entry in wanted if entry.name not in without]
 
 
 def chosen_columns(names: Sequence[str]) -> dict[str, Column]:
@@ -60,7 +59,7 @@ def chosen_columns(names: Sequence[str]) -> dict[str, Column]:
 
 
 def measure(
-    rows: Sequence[Row],
+    entries: Sequence[Entry],
     columns: Mapping[str, Column],
     store: Store,
     where: Executor,
@@ -69,18 +68,18 @@ def measure(
     """Compute the missing cells, and add all up.
 
     Args:
-        rows: who is measured.
+        entries: who is measured.
         columns: on what, by name.
         store: has the cells, and gets those that are missing.
         where: computes them.
         progress: makes the bar for a number of cells.
 
     Returns:
-        The board of the rows that have all their cells, and the jobs of the others that failed.
+        The board of the entries that have all their cells, and the jobs of the others that failed.
     """
     cells = {
-        row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
-        for row in rows
+        entry.name: {name: [Cell.of(entry, point) for point in column.points] for name, column in columns.items()}
+        for entry in entries
     }
     wanted = [cell for own in cells.values() for column in own.values() for cell in column]
     missing = store.missing(wanted)
@@ -89,24 +88,25 @@ def measure(
     with progress(len(missing)) as bar:
         for n, outcome in where.run(compute, jobs) if jobs else ():
             if isinstance(outcome, BaseException):
-                failed.append(Failure(jobs[n].row.name, outcome))
+                failed.append(Failure(jobs[n].entry.name, outcome))
             else:
                 for key, result in zip(jobs[n].keys, outcome, strict=True):
                     store.write(by_key[key], result)
             bar.update(len(jobs[n].keys))
     whole = {
-        row.name: {name: list(map(store.read, column)) for name, column in cells[row.name].items()} for row in rows
+        entry.name: {name: list(map(store.read, column)) for name, column in cells[entry.name].items()}
+        for entry in entries
     }
     found = [
-        row_summary(row, columns, whole[row.name]) | {"delay_margin": delay_margins(row)}
-        for row in rows
-        if all(one is not None for column in whole[row.name].values() for one in column)
+        entry_summary(entry, columns, whole[entry.name]) | {"delay_margin": delay_margins(entry)}
+        for entry in entries
+        if all(one is not None for column in whole[entry.name].values() for one in column)
     ]
     return board(found, columns), failed
 
 
-def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
-    """Put rows together to a board, as plain values."""
+def board(entries: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Put entries together to a board, as plain values."""
     names = ("flexarm", "gymnasium", "numpy", "numba", "scipy")
     return {
         "board": BOARD,
@@ -121,7 +121,7 @@ def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> d
             }
             for name, column in columns.items()
         },
-        "rows": list(rows),
+        "rows": list(entries),
     }
 
 

@@ -1,4 +1,4 @@
-"""What rows are compared with: the best plans known, which play the part of an oracle."""
+"""What entries are compared with: the best plans known, which play the part of an oracle."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def references() -> dict[str, dict[str, float]]:
 
 def gap(results: Mapping[str, Any], lap: str, rms: float) -> float | None:
     """Return where an error lies between the best plan's, 0, and the yardstick's, 1; None without the yardstick."""
-    for row in results["rows"]:
-        if row["name"] == YARDSTICK:
-            errors = nominal_errors(row)[lap]
+    for entry in results["rows"]:
+        if entry["name"] == YARDSTICK:
+            errors = nominal_errors(entry)[lap]
             if errors is not None:
                 return optimality_gap(rms, results["references"][lap]["rms"], errors["rms"])
     return None

@@ -1,4 +1,4 @@
-"""What the cells of a row add up to: figures at a point, where an axis breaks a row, the whole row as plain values."""
+"""What the cells of an entry add up to: figures at a point, where an axis breaks it, all as plain values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.board.columns import Column
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.terms import SQUARE, TASKS
 from flexarm_agents.environments import settings_of
 from flexarm_env.laps import LAPS
@@ -142,18 +142,18 @@ def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
     }
 
 
-def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
-    """Return a row of the board as plain values.
+def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
+    """Return an entry of the board as plain values.
 
     Args:
-        row: who was measured.
+        entry: who was measured.
         columns: on what, by name.
         results: of the cells of these columns, as the store has them.
     """
-    candidate = row.candidate()
+    candidate = entry.candidate()
     found: dict[str, Any] = {
-        "name": row.name,
-        "source": row.source,
+        "name": entry.name,
+        "source": entry.source,
         "action": candidate.env.unwrapped.settings.action_mode,  # type: ignore[attr-defined]
         "reads": list(candidate.reads),
         "privileged": candidate.privileged,
@@ -172,13 +172,13 @@ def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> di
     return found
 
 
-def nominal_errors(row: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
-    """Return the errors of a row's nominal laps by name: whole lap and after 2 s [m]; None for a lost one.
+def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
+    """Return the errors of an entry's nominal laps by name: whole lap and after 2 s [m]; None for a lost one.
 
     Args:
-        row: see `row_summary`; it has the column "nominal".
+        entry: see `entry_summary`; it has the column "nominal".
     """
-    square = row["columns"]["nominal"]["points"][list(TASKS).index("square")]
+    square = entry["columns"]["nominal"]["points"][list(TASKS).index("square")]
     errors: dict[str, dict[str, float] | None] = {}
     for lap in LAPS:
         one = square[lap] if square else None

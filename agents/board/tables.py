@@ -16,8 +16,8 @@ from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table
-PRIVILEGED = "\\*"  # after the name of a privileged row
-UNRANKED = "*Without a rank:*"  # above the privileged rows
+PRIVILEGED = "\\*"  # after the name of a privileged entry
+UNRANKED = "*Without a rank:*"  # above the privileged entries
 ABSENT = "not applicable"
 NONE = "none"  # the nominal lap itself is lost
 HOLDING = (("lost",), ("lost", "doubled"))  # what must not happen: see `flexarm_agents.board.summary.breaking`
@@ -30,54 +30,54 @@ SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student"
 
 
 def ranked(board: Board) -> list[Mapping[str, Any]]:
-    """Return the rows in order: by the error on unknown arms, where lost laps count, then by the nominal laps.
+    """Return the entries in order: by the error on unknown arms, where lost laps count, then by the nominal laps.
 
-    Privileged rows, which have no rank, come last.
+    Privileged entries, which have no rank, come last.
     """
 
-    def rank(row: Mapping[str, Any]) -> tuple[bool, float, int, float, str]:
-        errors = [one["rms"] for one in nominal_errors(row).values() if one is not None]
-        error = counted(laps) if (laps := _unknown_laps(row)) else np.inf
-        return row["privileged"], error, len(LAPS) - len(errors), sum(errors), row["name"]
+    def rank(entry: Mapping[str, Any]) -> tuple[bool, float, int, float, str]:
+        errors = [one["rms"] for one in nominal_errors(entry).values() if one is not None]
+        error = counted(laps) if (laps := _unknown_laps(entry)) else np.inf
+        return entry["privileged"], error, len(LAPS) - len(errors), sum(errors), entry["name"]
 
     return sorted(board["rows"], key=rank)
 
 
-def title(row: Mapping[str, Any]) -> str:
-    """Return a row's name, marked if it is privileged."""
-    return f"{row['name']}{PRIVILEGED if row['privileged'] else ''}"
+def title(entry: Mapping[str, Any]) -> str:
+    """Return an entry's name, marked if it is privileged."""
+    return f"{entry['name']}{PRIVILEGED if entry['privileged'] else ''}"
 
 
 def ranking(board: Board) -> str:
-    """Write what becomes of each row on unknown arms, its nominal errors, and what it reads."""
+    """Write what becomes of each entry on unknown arms, its nominal errors, and what it reads."""
     unknown = "unknown" in board["columns"]
     head = ["entry", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
     head += ["gap, " + " / ".join(LAPS), "reads"]
     lines: list[list[str]] = []
-    for row in ranked(board):
-        if row["privileged"] and UNRANKED not in [line[0] for line in lines]:
+    for entry in ranked(board):
+        if entry["privileged"] and UNRANKED not in [line[0] for line in lines]:
             lines.append([UNRANKED, *[""] * (len(head) - 1)])
-        errors = nominal_errors(row)
+        errors = nominal_errors(entry)
         gaps = [None if one is None else gap(board, lap, one["rms"]) for lap, one in errors.items()]
-        line = [title(row), *(_unknown(row) if unknown else []), *map(_errors, errors.values())]
+        line = [title(entry), *(_unknown(entry) if unknown else []), *map(_errors, errors.values())]
         line.append(" / ".join("-" if one is None else f"{one:.3f}" for one in gaps))
-        lines.append([*line, ", ".join(row["reads"]) or "nothing"])
+        lines.append([*line, ", ".join(entry["reads"]) or "nothing"])
     return table(head, lines)
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write a few rows of the ranking in one line each: losses and mean error on unknown arms, nominal errors.
+    """Write a few entries of the ranking in one line each: losses and mean error on unknown arms, nominal errors.
 
     Args:
         board: with unknown arms.
-        names: of the rows.
+        names: of the entries.
     """
     lines = []
-    for row in ranked(board):
-        laps, errors = _unknown_laps(row), nominal_errors(row).values()
-        if row["name"] in names and laps:
+    for entry in ranked(board):
+        laps, errors = _unknown_laps(entry), nominal_errors(entry).values()
+        if entry["name"] in names and laps:
             cells = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
-            lines.append([title(row), share(loss(laps)), millimetres(counted(laps)), *cells])
+            lines.append([title(entry), share(loss(laps)), millimetres(counted(laps)), *cells])
     return table(["entry", "lost", "error, unknown arms [mm]", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
 
 
@@ -88,7 +88,7 @@ def nominal(board: Board) -> str:
         "entry",
         *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [mm]" for value in values),
     ]
-    rows = [[title(row), *map(_point, row["columns"]["nominal"]["points"])] for row in ranked(board)]
+    rows = [[title(entry), *map(_point, entry["columns"]["nominal"]["points"])] for entry in ranked(board)]
     return table(head, rows)
 
 
@@ -98,15 +98,15 @@ def axis(name: str, board: Board) -> str:
     chosen = _some(len(column["values"]), COLUMNS[name].nominal_index)
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
     head = [f"{column['title']}", *(f"{_number(column['values'][n])}{unit}" for n in chosen)]
-    rows = [[title(row), *(_point(row["columns"][name]["points"][n]) for n in chosen)] for row in ranked(board)]
+    rows = [[title(entry), *(_point(entry["columns"][name]["points"][n]) for n in chosen)] for entry in ranked(board)]
     return table(head, rows)
 
 
 def robustness(board: Board) -> str:
     """Write how far each axis of numbers may go, from the nominal value, before a lap is lost or an error doubled."""
-    names = [name for name in board["columns"] if any("breaking" in row["columns"][name] for row in board["rows"])]
+    names = [name for name in board["columns"] if any("breaking" in entry["columns"][name] for entry in board["rows"])]
     heads = [_range(board["columns"][name]) for name in names]
-    lines = [[title(row), *(_holds(name, row, board) for name in names)] for row in ranked(board)]
+    lines = [[title(entry), *(_holds(name, entry, board) for name in names)] for entry in ranked(board)]
     return table(["entry", *heads], lines)
 
 
@@ -120,17 +120,17 @@ def _range(column: Mapping[str, Any]) -> str:
 def margins(board: Board) -> str:
     """Write the exact delay margins of linear loops beside the delays at which they fail in simulation."""
     lines = []
-    for row in board["rows"]:
-        margin = row["delay_margin"]
+    for entry in board["rows"]:
+        margin = entry["delay_margin"]
         if margin is not None:
             exact = " to ".join(f"{1e3 * margin[end]:.3g}" for end in ("least", "most"))
-            lines.append([title(row), exact, _holds("delay", row, board)])
+            lines.append([title(entry), exact, _holds("delay", entry, board)])
     return table(["entry", "exact margin along the square [ms]", "simulated laps hold [ms]"], lines)
 
 
-def _holds(name: str, row: Mapping[str, Any], board: Board) -> str:
+def _holds(name: str, entry: Mapping[str, Any], board: Board) -> str:
     """Write the values about the nominal one without a lost lap, and those without a doubled error, if fewer."""
-    column = row["columns"][name]
+    column = entry["columns"][name]
     points = zip(board["columns"][name]["values"], column["points"], strict=True)
     values = [value for value, point in points if point is not None and "not_applicable" not in point]
     if len(values) < 2:
@@ -150,16 +150,16 @@ def _inside(values: Sequence[float], ends: Sequence[Mapping[str, float | None]])
     return "all" if len(found) == len(values) else spans(values, found)
 
 
-def _unknown_laps(row: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the sums of a row's laps on unknown arms; none where they are not applicable or not measured."""
-    column = row["columns"].get("unknown")
+def _unknown_laps(entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the sums of an entry's laps on unknown arms; none where they are not applicable or not measured."""
+    column = entry["columns"].get("unknown")
     point = column and column["points"][0]
     return [] if not point or "not_applicable" in point else [point[lap] for lap in LAPS]
 
 
-def _unknown(row: Mapping[str, Any]) -> list[str]:
+def _unknown(entry: Mapping[str, Any]) -> list[str]:
     """Write the columns `UNKNOWN`."""
-    laps = _unknown_laps(row)
+    laps = _unknown_laps(entry)
     if not laps:
         return ["-"] * len(UNKNOWN)
     completed = ("-" if one["rms"] is None else millimetres(one["rms"]["mean"]) for one in laps)

@@ -1,4 +1,4 @@
-"""The terms of the board, the same for all rows: plant, tasks, limits, seeds. What changes them raises `BOARD`."""
+"""The terms of the board, the same for all entries: plant, tasks, limits, seeds. What changes them raises `BOARD`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ BOARD = 1  # version; raise it where scores change, and tell in the changelog wh
 FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # neither trainings nor evaluations use such seeds, unless told to
 SQUARE = "FlexArm/Square-v0"
 
-# Options that the board sets for rows of an action mode: the gain's law overshoots corners and has no torque limit.
+# Options that the board sets for entries of an action mode: the gain's law overshoots corners and has no torque limit.
 _BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_limit", "error_limit")}
 
 
 class BoardTask(NamedTuple):
-    """A task that rows are measured on.
+    """A task that entries are measured on.
 
     Attributes:
         environment: id of the environment that it is made with; its options say the rest.
@@ -43,25 +43,26 @@ TASKS: dict[str, BoardTask] = {
 
 
 def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, Any]:
-    """Return the part of an environment's options that is a row's own.
+    """Return the part of an environment's options that is an entry's own.
 
     Args:
-        options: of the environment that the row was made for.
+        options: of the environment that the entry was made for.
         strict: refuse others; else the board's terms replace them.
 
     Raises:
-        ValueError: naming an option that is not a row's to choose.
+        ValueError: naming an option that is not an entry's to choose.
     """
     for name, value in options.items():
         if strict and name not in INTERFACE:
             raise ValueError(
-                f"options[{name!r}] = {shown(value)}: is the board's to choose; a row may choose {', '.join(INTERFACE)}"
+                f"options[{name!r}] = {shown(value)}: is the board's to choose; "
+                f"an entry may choose {', '.join(INTERFACE)}"
             )
     return {name: value for name, value in options.items() if name in INTERFACE}
 
 
-def row_options(interface: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that a row brings to any environment: its own, and what the board sets for its actions.
+def entry_options(interface: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that an entry brings to any environment: its own, and what the board sets for its actions.
 
     Args:
         interface: see `interface_of`.
@@ -72,10 +73,10 @@ def row_options(interface: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:
-    """Return the options of a row's nominal environment on a task.
+    """Return the options of an entry's nominal environment on a task.
 
     Args:
         interface: see `interface_of`.
         task: a name in `TASKS`.
     """
-    return {"start": "corner", **row_options(interface), **TASKS[task].options}
+    return {"start": "corner", **entry_options(interface), **TASKS[task].options}

@@ -1,4 +1,4 @@
-"""`flexarm leaderboard`: rows of the board, and one's own, on its tasks and axes."""
+"""`flexarm leaderboard`: entries of the board, and one's own, on its tasks and axes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, measurable
-from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_entries, measure, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
@@ -23,19 +23,21 @@ from flexarm_agents.jobs.failures import Failure, check_failures
 DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's tasks and axes: {", ".join(COLUMNS)}. Cells are kept in the
 output folder under a hash of all that they depend on: an interrupted run goes on where it was, and a changed policy
-computes its own row anew only. Without the extra `chain` the chain's cells are left out. A controller by linear
+computes its own entry only. Without the extra `chain` the chain's cells are left out. A controller by linear
 algebra or an agent takes minutes for all columns, a predictive controller most of an hour."""
 
 
 def parser() -> Reader:
     """Return the parser of the arguments."""
     reader = of_verb("leaderboard", DESCRIPTION)
-    reader.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
+    reader.add_argument("--rows", nargs="+", default=(), metavar="ENTRY", help="names of entries; without it, all")
     columns = "names of columns; without it, all"
     reader.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
-    added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
+    added = (
+        "further entries: module:attribute, a training's folder or npz file, or a JSON file with the fields of an entry"
+    )
     reader.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
-    reader.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
+    reader.add_argument("--without", nargs="+", default=(), metavar="ENTRY", help="names of entries to leave out")
     output = Path("results/leaderboard")
     reader.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
     reader.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
@@ -46,24 +48,24 @@ def parser() -> Reader:
     return reader
 
 
-def measured(given: argparse.Namespace) -> tuple[list[Row], dict[str, Any], list[Failure]]:
+def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], list[Failure]]:
     """Measure what is chosen, and write tables and JSON.
 
     Args:
         given: arguments of `parser`.
 
     Returns:
-        The chosen rows, the board, and the cells that could not be computed.
+        The chosen entries, the board, and the cells that could not be computed.
     """
-    rows = chosen_rows(given.rows, given.without, given.add)
+    entries = chosen_entries(given.rows, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:
         print(left_out, file=sys.stderr)
     where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
     store = Store(given.output / "cells")
-    results, failed = measure(rows, chosen, store, where, lambda total: progress_bar(total, "cells"))
+    results, failed = measure(entries, chosen, store, where, lambda total: progress_bar(total, "cells"))
     write(results, given.output)
-    return rows, results, failed
+    return entries, results, failed
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -73,9 +75,9 @@ def run(arguments: Sequence[str]) -> None:
         OSError: if cells could not be computed.
     """
     given = parser().parse_args(arguments)
-    rows, results, failed = measured(given)
+    entries, results, failed = measured(given)
     found = tables(results)
     for text in [found["ranking"]] if "ranking" in found else found.values():
         print(f"{from_markdown(text, width())}\n")
-    print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows; tables beside it")
+    print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables beside it")
     check_failures(failed, given.output, INCOMPLETE)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
 
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.terms import interface_of
 from flexarm_agents.commands.arguments import add_options
 from flexarm_agents.environments import check_id
@@ -89,7 +89,7 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
         own: a training runs in the environment that it was trained in, as one with an arm of its own always does.
 
     Raises:
-        FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.evaluation.candidates` and `Row.on`.
+        FileNotFoundError, ImportError, TypeError, ValueError: see `evaluation.candidates` and `Entry.on`.
     """
     if _is_training(source):
         if not Path(source).exists() and source not in shipped_policies():
@@ -97,29 +97,29 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
             raise FileNotFoundError(f"policy {shown(source)}: neither a file or folder nor a known name; {names}")
         if given.environment is None and (own or load_policy(source).has_own_arm):
             return from_training(source, given.options, given.arm)
-    row = row_of(source, given, interface_of(given.options))
+    entry = entry_of(source, given, interface_of(given.options))
     with _said_if_long(f"{source}: the policy is made"):
-        return row.on(check_id(given.environment or ENVIRONMENT), changed({}, plant_of(given.options), given.arm))
+        return entry.on(check_id(given.environment or ENVIRONMENT), changed({}, plant_of(given.options), given.arm))
 
 
-def row_of(source: str, given: argparse.Namespace, options: Options) -> Row:
-    """Return what POLICY names as a row of the board; arguments as of `from_source`.
+def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
+    """Return what POLICY names as an entry of the board; arguments as of `from_source`.
 
     Args:
         source: POLICY.
         given: has the arguments of `add_environment`.
-        options: the row's own.
+        options: the entry's own.
 
     Raises:
         ValueError: for a model without `--stable-baselines3`.
     """
     name = Path(source).stem if Path(source).exists() else source
     if not _is_model(source):
-        return Row(source, name, given.environment or ENVIRONMENT, options)
+        return Entry(source, name, given.environment or ENVIRONMENT, options)
     if given.stable_baselines3 is None:
         raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
     environment = given.environment or ENVIRONMENT
-    return Row(source, name, environment, options, given.stable_baselines3, given.vec_normalize)
+    return Entry(source, name, environment, options, given.stable_baselines3, given.vec_normalize)
 
 
 def _is_attribute(source: str) -> bool:

@@ -1,4 +1,4 @@
-"""`flexarm evaluate --sweep`: what one row of the board does along one axis, as a table."""
+"""`flexarm evaluate --sweep`: what one entry of the board does along one axis, as a table."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import LIMIT, breaking, counted, merged, point_summary, spans
 from flexarm_agents.commands.progress import progress_bar
-from flexarm_agents.commands.sources import row_of
+from flexarm_agents.commands.sources import entry_of
 from flexarm_agents.commands.text import columns
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice
@@ -42,20 +42,20 @@ def sweep(given: argparse.Namespace) -> dict[str, Any]:
     column = chosen[given.sweep]
     written = []
     for source in given.policies:
-        row = row_of(source, given, given.options)
-        results = _results(row, column.points)
+        entry = entry_of(source, given, given.options)
+        results = _results(entry, column.points)
         points = [point_summary(merged(results))] if column.sample else [point_summary(one) for one in results]
-        print(_table(row.name, column, points), end="\n\n")
-        written.append({"row": row.plain(), "results": results})
+        print(_table(entry.name, column, points), end="\n\n")
+        written.append({"row": entry.plain(), "results": results})
     return {"sweep": given.sweep, "rows": written}
 
 
-def _results(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Run a row at some points, one after the other, so that it is seen to go on: the results are the same."""
+def _results(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Run an entry at some points, one after the other, to show progress; the results are the same."""
     found = []
     with progress_bar(len(points), "points") as bar:
         for point in points:
-            found += run_points(row, [point])
+            found += run_points(entry, [point])
             bar.update()
     return found
 

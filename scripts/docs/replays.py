@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from flexarm_agents.board.entries import entries
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.evaluation.candidates import Candidate
 from flexarm_agents.files import put
 from flexarm_baselines.registry import CONTROLLERS
@@ -165,7 +164,7 @@ def text_of(row: str) -> str:
     return CONTROLLERS[row].text.replace("`", "") if row in CONTROLLERS else AGENTS[row]
 
 
-def record(row: Row) -> tuple[Candidate, dict[str, Trajectory]]:
+def record(row: Entry) -> tuple[Candidate, dict[str, Trajectory]]:
     """Run both nominal laps of a row."""
     candidate = row.candidate(fresh=True)
     laps = {lap: run_policy(candidate.env, candidate.policy, seed=0, lap=lap) for lap in LAPS}
@@ -180,7 +179,7 @@ def write(names: Sequence[str], folder: Path) -> None:
         names: of the rows.
         folder: an existing one.
     """
-    known = {row.name: row for row in entries(())}
+    known = {row.name: row for row in all_entries(())}
     index: dict[str, Any] = {"laps": {name: lap.text for name, lap in LAPS.items()}, "rows": []}
     for name in tqdm(names, unit="row"):
         candidate, laps = record(known[choice("rows", name, tuple(known))])

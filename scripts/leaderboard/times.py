@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_env.laps import LAPS
 from flexarm_env.predictor import predictor
 from scripts.common.markdown import table
@@ -20,7 +20,7 @@ LAP = "plain"
 FIRST = 10  # control periods that do not count: something may be made at the first call
 
 
-def times(rows: Sequence[Row], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
+def times(rows: Sequence[Entry], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
     """Time a lap of each entry, one observation at a time, in this process.
 
     Args:

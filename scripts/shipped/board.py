@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from flexarm_agents import Spread
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS, Point
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
@@ -59,7 +59,7 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
     Returns:
         `point_summary` of each of `MEASURED`; on the nominal laps with the change of the torques [N m].
     """
-    row, found = Row(str(source)), {}
+    row, found = Entry(str(source)), {}
     for name, points in MEASURED.items():
         whole = merged(results([Cell.of(row, point) for point in points], cells))
         summary = point_summary(whole)

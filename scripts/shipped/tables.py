@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from flexarm_agents import Score, StandardScore, Trained, evaluate, load_policy
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
@@ -59,7 +59,7 @@ def _nominal(agent: Trained) -> StandardScore:
     """Score an agent on the nominal plant, or on its own arm, with the observation that it was trained with."""
     if agent.has_own_arm:
         return evaluate(agent.make_env(), agent.policy)
-    row = Row(agent.name).candidate()
+    row = Entry(agent.name).candidate()
     return evaluate(row.env, row.policy)
 
 

@@ -14,9 +14,9 @@ from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import LANES, run_points, shares
 from flexarm_agents.board.gauges import observation_map
-from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, interface_of
 from flexarm_agents.code_version import DATA, code_version
@@ -119,12 +119,12 @@ def test_docstrings_are_left_out_and_other_text_stays() -> None:
 
 
 def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:
-    row, point = Row(AGENT), Point(0.0)
+    row, point = Entry(AGENT), Point(0.0)
     one = Cell.of(row, point)
     assert one.depends["settings"]["physics_step"] == 0.002
-    assert one.key == Cell.of(Row(AGENT, "another name"), Point("also another")).key
+    assert one.key == Cell.of(Entry(AGENT, "another name"), Point("also another")).key
     others = [
-        Cell.of(Row("ifdc"), point),
+        Cell.of(Entry("ifdc"), point),
         Cell.of(row, Point(0.0, {"delay": 0.01})),
         Cell.of(row, Point(0.0, {"physics_step": 0.001})),
         Cell.of(row, Point(0.0, seeds=range(2))),
@@ -140,9 +140,9 @@ def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:
 def test_a_key_depends_on_the_bytes_of_a_policy_and_not_on_its_place(tmp_path: Path) -> None:
     moved = tmp_path / "square.npz"
     moved.write_bytes(policy_file(AGENT).read_bytes())
-    assert Row(str(moved)).fingerprint == Row(AGENT).fingerprint
-    assert Row("ifdc").fingerprint["code"] != Row("flsac").fingerprint["code"]
-    own = Row(f"{HERE}:Still").fingerprint
+    assert Entry(str(moved)).fingerprint == Entry(AGENT).fingerprint
+    assert Entry("ifdc").fingerprint["code"] != Entry("flsac").fingerprint["code"]
+    own = Entry(f"{HERE}:Still").fingerprint
     assert own["attribute"] == f"{HERE}:Still"
     assert Path(__file__).name in own  # a policy names its own data by `files`
 
@@ -152,7 +152,7 @@ def test_a_key_depends_on_the_bytes_of_a_policy_and_not_on_its_place(tmp_path: P
 
 @pytest.mark.usefixtures("uncompiled")
 def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
-    row = Row(AGENT)
+    row = Entry(AGENT)
     some = points([1.0, 5.0], range(2))
     together = run_points(row, some)
     assert together == [run_points(row, [point])[0] for point in some]
@@ -165,7 +165,7 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
 @pytest.mark.usefixtures("uncompiled")
 def test_cells_are_kept_and_only_missing_ones_are_computed(tmp_path: Path) -> None:
     store = Store(tmp_path / "cells")
-    wanted = [Cell.of(Row(AGENT), point) for point in points([0.0, 1.0, 2.0])]
+    wanted = [Cell.of(Entry(AGENT), point) for point in points([0.0, 1.0, 2.0])]
     assert store.missing([*wanted, *wanted]) == wanted  # each key once
     for job in jobs_of(wanted):
         for cell, result in zip(wanted, compute(job), strict=True):
@@ -185,7 +185,7 @@ def test_cells_are_kept_and_only_missing_ones_are_computed(tmp_path: Path) -> No
 
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
-    (job,) = jobs_of([Cell.of(Row(AGENT), Point(0.0))])
+    (job,) = jobs_of([Cell.of(Entry(AGENT), Point(0.0))])
     monkeypatch.setattr(board_cells, "_code", lambda hosted: "another")
     with pytest.raises(ValueError, match="this worker has other code"):
         compute(job)
@@ -193,15 +193,15 @@ def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.usefixtures("uncompiled")
 def test_a_policy_of_one_observation_is_run_episode_by_episode_and_made_anew_for_each_point() -> None:
-    first, second = run_points(Row(f"{HERE}:Still"), points([0.0, 0.0]))
+    first, second = run_points(Entry(f"{HERE}:Still"), points([0.0, 0.0]))
     assert first == second
     assert len(first["episodes"]) == 2
 
 
 @pytest.mark.usefixtures("uncompiled")
 def test_a_lost_path_and_an_action_that_is_no_number_are_results_with_their_time() -> None:
-    (lost,) = run_points(Row(AGENT), [Point(0.0, {**SHORT, "error_limit": 1e-3}, SMALL)])
-    (wrong,) = run_points(Row(f"{HERE}:push", options={"observation": ["lap_phase", "joint_rates"]}), points([0.0]))
+    (lost,) = run_points(Entry(AGENT), [Point(0.0, {**SHORT, "error_limit": 1e-3}, SMALL)])
+    (wrong,) = run_points(Entry(f"{HERE}:push", options={"observation": ["lap_phase", "joint_rates"]}), points([0.0]))
     assert [one["ended"] for one in lost["episodes"]] == ["error", "error"]
     assert [one["ended"] for one in wrong["episodes"]] == ["action", "action"]
     for one in [*lost["episodes"], *wrong["episodes"]]:
@@ -212,16 +212,16 @@ def test_a_lost_path_and_an_action_that_is_no_number_are_results_with_their_time
 
 @pytest.mark.usefixtures("uncompiled")
 def test_an_error_of_the_policy_ends_its_own_episode_only() -> None:
-    row = Row(f"{HERE}:Quits", options={"observation": ["lap_phase", "joint_angles"]})
+    row = Entry(f"{HERE}:Quits", options={"observation": ["lap_phase", "joint_angles"]})
     (found,) = run_points(row, points([0.0]))
     assert [(one["lap"], one["ended"]) for one in found["episodes"]] == [("swing", "policy"), ("plain", "truncated")]
     assert 0.0 < found["episodes"][0]["duration"] < SHORT["lap_time"]
     with pytest.raises(ValueError, match="no observation"):  # from the first instant on: no result
-        run_points(Row(f"{HERE}:refuse"), points([0.0]))
+        run_points(Entry(f"{HERE}:refuse"), points([0.0]))
 
 
 def test_where_a_row_cannot_be_run_it_says_why() -> None:
-    late = Row("ifdc", "late", options={"law_sensor": "sensor", "sensor": "rigid"})
+    late = Entry("ifdc", "late", options={"law_sensor": "sensor", "sensor": "rigid"})
     point = COLUMNS["jitter"].points[-1]
     (result,) = run_points(late, [point])
     assert "must be 0 with law_sensor = 'sensor'" in result["not_applicable"]
@@ -242,11 +242,11 @@ def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
 
 def test_a_row_chooses_what_it_observes_and_no_more() -> None:
     with refuses(ValueError, "options['delay'] = 0.0", "is the board's to choose"):
-        Row(AGENT, options={"delay": 0.0})
+        Entry(AGENT, options={"delay": 0.0})
     assert interface_of({"delay": 0.0, "scaled": False}) == {"scaled": False}
     assert set(INTERFACE) <= set(Options.__dataclass_fields__)
     with refuses(ValueError, "name = 'a|b'"):
-        Row(AGENT, "a|b")
+        Entry(AGENT, "a|b")
 
 
 def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> None:

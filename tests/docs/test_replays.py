@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_agents.board.entries import entries
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.summary import nominal_errors
 from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
@@ -39,7 +38,7 @@ def test_the_index_names_the_files_that_are_there() -> None:
     there = {path.name for path in replays.FOLDER.iterdir()}
     assert {file for _, _, file in FILES} | {replays.INDEX} == there
     assert tuple(row["name"] for row in INDEX["rows"]) == replays.ROWS == tuple(replay_names())
-    assert set(replays.ROWS) <= {row.name for row in entries(())}
+    assert set(replays.ROWS) <= {row.name for row in all_entries(())}
     assert set(INDEX["laps"]) == set(LAPS)
     assert all(row["text"] == replays.text_of(row["name"]) for row in INDEX["rows"])
     assert INDEX["links"] == replays.shapes(ARM)
@@ -66,7 +65,7 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
 
 
 def test_a_lap_of_today_is_the_one_that_is_committed() -> None:
-    _, laps = replays.record(Row("student", "agent student"))
+    _, laps = replays.record(Entry("student", "agent student"))
     for lap, record in laps.items():
         committed = replays.read(replays.FOLDER / replays.file_name("agent student", lap))[2]
         now, then = replays.channels(replays.replay(record)), replays.channels(committed)

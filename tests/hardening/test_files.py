@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from flexarm_agents import PPOConfig, config_of, train
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.policies.load import POLICIES, load_policy
 from flexarm_agents.training.checkpoint import read_checkpoint
 from flexarm_agents.training.reward import RewardTraining
@@ -76,7 +76,7 @@ def _checkpoint(path: Path) -> Any:
 def _cell() -> tuple[Store, Cell]:
     """Write a cell of the board."""
     store = Store(_folder() / "cells")
-    cell = Cell.of(Row("joint_pd"), COLUMNS["nominal"].points[0])
+    cell = Cell.of(Entry("joint_pd"), COLUMNS["nominal"].points[0])
     store.write(cell, {"episodes": [{"lap": "swing", "rms": 0.5, "ended": "truncated"}], "lost": 1})
     return store, cell
 

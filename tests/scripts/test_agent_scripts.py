@@ -15,7 +15,7 @@ import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, config_of, shipped_policies
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
@@ -319,7 +319,7 @@ def test_a_normalised_model_needs_its_statistics(flexarm: Shell) -> None:
     for statistics in ("none", "vecnormalize.pkl"):
         assert flexarm(*given, "--vec-normalize", statistics).returncode == 0
     assert flexarm(*given, "--vec-normalize", "model.zip").stderr.startswith("error: vec_normalize = 'model.zip': is ")
-    policy = Row("model.zip", algorithm="PPO", vec_normalize="vecnormalize.pkl").candidate().policy
+    policy = Entry("model.zip", algorithm="PPO", vec_normalize="vecnormalize.pkl").candidate().policy
     observation = np.full((2, 46), 0.5, np.float32)
     np.testing.assert_array_equal(
         policy.predict(observation)[0], model.predict(env.normalize_obs(observation), deterministic=True)[0]

@@ -12,11 +12,11 @@ import pytest
 from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import Column, Point
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_agents.jobs.executors import executor
 from tests.support.boards import files
 
-ROWS = [Row("square", "agent")]
+ROWS = [Entry("square", "agent")]
 BIG = {"lap_time": 8.0, "side": 6.0}
 REAL = {
     "delay": Column("Delay", "ms", tuple(Point(x, BIG | {"delay": 1e-3 * x}, seeds=range(8)) for x in range(8)), 0.0)

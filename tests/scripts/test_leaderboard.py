@@ -14,10 +14,9 @@ import pytest
 from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
-from flexarm_agents.board.entries import entries
+from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.margins import delay_margins
-from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import point_summary
 from flexarm_agents.board.tables import short_ranking, tables
 from flexarm_agents.board.terms import BOARD
@@ -34,7 +33,7 @@ PAYLOADS = (0.0, 0.2, 0.4)
 TINY = {
     "payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0),
 }
-ROWS = [Row("square", "agent"), Row("square", "again", options={"last_actions": 1})]
+ROWS = [Entry("square", "agent"), Entry("square", "again", options={"last_actions": 1})]
 
 
 class Here:
@@ -75,7 +74,7 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("uncompiled")
 def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path / "cells")
-    others = Row("square", "other", options={"frame": "world"})
+    others = Entry("square", "other", options={"frame": "world"})
     board, failed = measuring.measure([ROWS[0], others], TINY, store, Here(1))
     assert [row["name"] for row in board["rows"]] == ["agent"]
     assert list(map(str, failed)) == ["other: OSError: killed"]
@@ -83,21 +82,21 @@ def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Pa
 
 
 def test_the_board_has_everybody_once() -> None:
-    names = [row.name for row in entries(())]
+    names = [row.name for row in all_entries(())]
     assert len(set(names)) == len(names)
     assert {"ifdc", "ifdc_late", "plan_lqr", "agent square"} <= set(names)
     assert "agent scheduler_paper" not in names  # its arm is not the board's
     with refuses(ValueError, "two have the name 'ifdc'"):
-        entries(("ifdc",))
+        all_entries(("ifdc",))
 
 
 def test_a_row_may_be_a_file(tmp_path: Path) -> None:
     mine = tmp_path / "mine.json"
     mine.write_text(json.dumps({"source": "square", "name": "mine", "options": {"last_actions": 1}}))
-    assert entries((str(mine),))[-1] == Row("square", "mine", options={"last_actions": 1})
+    assert all_entries((str(mine),))[-1] == Entry("square", "mine", options={"last_actions": 1})
     mine.write_text(json.dumps({"source": "square", "nam": "mine"}))
-    with refuses(ValueError, "mine.json: no row", "'nam'"):
-        entries((str(mine),))
+    with refuses(ValueError, "mine.json: no entry", "'nam'"):
+        all_entries((str(mine),))
 
 
 def test_the_page_shows_the_whole_board(tmp_path: Path) -> None:
@@ -185,7 +184,7 @@ def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkey
 
 
 def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
-    found = {row.name: delay_margins(row) for row in entries(()) if row.name.startswith("ifdc")}
+    found = {row.name: delay_margins(row) for row in all_entries(()) if row.name.startswith("ifdc")}
     assert found["ifdc"] is None  # its law acts on the joints
     sensor = SensorParameters(delay=0.03)
     exact = delay_margin(law_loop(FlexibleArm(), (-6.3, -6.3), sensor)).delay
@@ -237,7 +236,7 @@ def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 def test_the_committed_board_is_computed_again_to_its_digits(
     name: str, tolerance: float, committed: dict[str, dict[str, Any]]
 ) -> None:
-    (row,) = [one for one in entries(()) if one.name == name]
+    (row,) = [one for one in all_entries(()) if one.name == name]
     points = COLUMNS["nominal"].points[:2]
     found = dict(leaves(measuring.rounded([point_summary(one) for one in run_points(row, points)])))
     expected = dict(leaves(committed[name]["columns"]["nominal"]["points"][:2]))

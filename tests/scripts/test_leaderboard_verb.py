@@ -18,15 +18,15 @@ from tests.scripts.test_leaderboard import ROWS, TINY, Here
 def test_the_verb_measures_what_it_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(measuring, "entries", lambda added: ROWS)
+    monkeypatch.setattr(measuring, "all_entries", lambda added: ROWS)
     monkeypatch.setattr(measuring, "COLUMNS", TINY)
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
     verb.run(["--rows", "agent", "--columns", "payload", "--output", str(tmp_path)])
-    assert capsys.readouterr().out.endswith("1 of 1 rows; tables beside it\n")
+    assert capsys.readouterr().out.endswith("1 of 1 entries; tables beside it\n")
     board = json.loads((tmp_path / measuring.DATA).read_text())
     assert [row["name"] for row in board["rows"]] == ["agent"]
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
-    with pytest.raises(OSError, match="1 failed, see above; their rows lack cells"):
+    with pytest.raises(OSError, match="1 failed, see above; their entries lack cells"):
         verb.run(["--rows", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
     assert "again: OSError: killed" in capsys.readouterr().err
 
@@ -46,9 +46,9 @@ def test_the_verb_refuses(arguments: tuple[str, ...], words: str) -> None:
 
 
 def test_added_rows_are_wanted_beside_those_that_are_named() -> None:
-    rows = measuring.chosen_rows(["ifdc"], (), ["tests.support.boards:Nobody"])
+    rows = measuring.chosen_entries(["ifdc"], (), ["tests.support.boards:Nobody"])
     assert [row.name for row in rows] == ["ifdc", "tests.support.boards:Nobody"]
-    assert [row.name for row in measuring.chosen_rows(["ifdc", "lqg"], ["lqg"])] == ["ifdc"]
+    assert [row.name for row in measuring.chosen_entries(["ifdc", "lqg"], ["lqg"])] == ["ifdc"]
 
 
 def test_the_chain_is_left_out_where_its_engine_is_absent(

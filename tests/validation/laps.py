@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
@@ -145,7 +145,7 @@ class Hosted:
 
     def __init__(self, source: str, lap: str) -> None:
         """Make it for a lap; its name is the board's."""
-        self._row, self._lap = Row(source), lap
+        self._row, self._lap = Entry(source), lap
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.entries import Entry
 from flexarm_env.extras import install_command
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics import summary
@@ -171,7 +171,7 @@ def test_picture(page: Page) -> None:
 @kept
 def chattering(lap: str, step: float) -> float | None:
     """Return the score on `FlexArm/SquareChain-v0` with an integration step [mm]; None if the lap ended early."""
-    row = Row(CHATTERS)
+    row = Entry(CHATTERS)
     env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
     score = summary(run_policy(env, row.candidate().policy, lap=lap)).get("true_tip_rms")
     env.close()
