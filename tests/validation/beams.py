@@ -2,7 +2,7 @@
 
 Small motion about a straight arm at rest, joints free to turn or locked. A beam's *dynamic stiffness* gives the end
 forces that hold given end motions at frequency omega, exactly; frequencies are where the assembled matrix D(omega) is
-singular. The count of Wittrick and Williams (Q. J. Mech. Appl. Math. 24, 1971) tells how many frequencies lie below any
+singular. The count of Wittrick and Williams (Q. J. Mech. Appl. Math. 24, 1971) is the number of frequencies below any
 omega, so that bisection finds every one of them, coincident ones too.
 
 Symbols: v, theta displacement across the beam and slope at an end; b = lambda L, lambda^4 = rho omega^2 / EI.

@@ -34,15 +34,11 @@ class Frame:
         mass: Shape (n, n).
         stiffness: Shape (n, n).
         conditions: motions d that are possible have ``conditions @ d = 0``. Shape (c, n).
-        nodes: number of nodes of each link.
-        theta2: elbow angle [rad].
     """
 
     mass: Array
     stiffness: Array
     conditions: Array
-    nodes: int
-    theta2: float
 
     def frequencies(self, count: int, zeros: int) -> Array:
         """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
@@ -87,7 +83,7 @@ def frame(parameters: ArmParameters, theta2: float, joints: Joints, elements: in
     conditions = [unit[0], unit[1], unit[tip] - unit[root], unit[tip + 1] - unit[root + 1]]
     conditions += [unit[2]] if joints.shoulder else []
     conditions += [unit[tip + 2] - unit[root + 2]] if joints.elbow else []
-    return Frame(mass, stiffness, np.vstack([lengths, *conditions]), elements + 1, theta2)
+    return Frame(mass, stiffness, np.vstack([lengths, *conditions]))
 
 
 def _link(h: float, rigidity: float, density: float, angle: float, elements: int) -> tuple[Array, Array, Array]:

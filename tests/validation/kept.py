@@ -45,7 +45,7 @@ def _folder() -> Path:
 
 
 def kept(function: Callable[P, R]) -> Callable[P, R]:
-    """Keep what a function returns for arguments that are told apart by how they print."""
+    """Keep what a function returns; calls whose arguments have the same `repr` are the same."""
     known: dict[str, R] = {}
 
     @wraps(function)

@@ -47,7 +47,7 @@ class Lap(NamedTuple):
     Attributes:
         tip: every `HELD`. Shape (n, 2).
         torque: of each control period [N m]. Shape (k, 2).
-        states: of each model asked for, at each control instant.
+        states: states of each chosen model, at each control instant.
     """
 
     tip: Array

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
 COARSER = (2, 3, 4, 6, 8, ELEMENTS)  # elements of a cable, against `FINEST`
 FINEST = 24
-TENTH = "a choice: a tenth of the 1 mm that the models are asked for"
+TENTH = "a choice: a tenth of the 1 mm required of the models"
 
 
 @kept

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 
 DURATION = 600.0  # simulated time [s]
 RECORDED = 0.1  # [s]
-BENT, SPINNING, BOTH = STARTS = ("bent", "spinning", "bent and spinning")
+BENT, BOTH = "bent", "bent and spinning"
+STARTS = (BENT, "spinning", BOTH)
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 ROUNDING = 1e-9  # of ten million steps, 1e-16 each, and room
 WHY_MOMENTUM = "no inner force changes the sum of the two momenta, in any stage; rounding of up to ten million steps"

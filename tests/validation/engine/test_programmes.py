@@ -39,7 +39,7 @@ def test_the_chain_has_converged(page: Page) -> None:
     page.check(
         "the finest chain's tip from the extrapolated one",
         1e3 * max(case(name).chain_error(FINEST[1]).max() for name in NAMES),
-        "a choice: the 1 mm that the models are asked for; the extrapolation, which takes most of this away, "
+        "a choice: the 1 mm required of the models; the extrapolation, which takes most of this away, "
         "must not matter",
         "mm",
         most=1.0,
@@ -70,7 +70,7 @@ def test_steps_are_short_enough(name: str, motion: Callable[[float], Motion], pa
     page.check(
         f"the tip under a doublet with the {name}'s step halved",
         1e3 * apart(motion(1.0).tip, motion(0.5).tip).max(),
-        "a choice: a tenth of the 1 mm that the models are asked for",
+        "a choice: a tenth of the 1 mm required of the models",
         "mm",
         most=0.1,
     )
