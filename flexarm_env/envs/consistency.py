@@ -10,7 +10,7 @@ from typing import Any
 
 from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
-from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, Compensation, SensorModel, arm_parameters
+from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
 from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, shown
 
@@ -108,7 +108,11 @@ def _refuse_contradictions(settings: Any) -> None:
             f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
-    refuse_compensation_without_delay(settings.compensation, settings.sensor)
+    if settings.compensation != "none" and not _late(settings):
+        raise ValueError(
+            f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; it must be "
+            "'none'"
+        )
     if not _late(settings) and "delay" in settings.randomisation:
         raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
     for sensor in FURTHER:
@@ -192,15 +196,3 @@ def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
     if not any(weights.values()):
         raise ValueError(f"{label} = {shown(reward_weights)}: one at least must be > 0")
     return weights
-
-
-def refuse_compensation_without_delay(compensation: Compensation, model: SensorModel) -> None:
-    """Refuse delayed commands where the sensor has no delay.
-
-    Raises:
-        ValueError: naming the compensation and the sensor.
-    """
-    if compensation != "none" and not SENSOR_MODELS[model].late:
-        raise ValueError(
-            f"compensation = {compensation!r}: a {model} sensor has no delay to compensate; it must be 'none'"
-        )

@@ -201,7 +201,7 @@ def _further_rows(settings: Settings) -> dict[str, Any]:
         "FURTHER_FORESHORTENING": [x for place in places for x in place.foreshortening],
         "FURTHER_DELAY": [one.delay for one in sensors for _ in one.noise],
         "FURTHER_NOISE": [x for one in sensors for x in one.noise],
-        "FURTHER_DRAW": [one.sensor.draws + n for one in sensors for n in range(len(one.noise))],
+        "FURTHER_DRAW": [one.sensor.noise_offset + n for one in sensors for n in range(len(one.noise))],
         "FURTHER_BIAS_SPREAD": [x for one in sensors for x in one.bias],
         "FURTHER_RANGE": [x for one in sensors for x in one.range],
     }

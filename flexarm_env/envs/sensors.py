@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -54,7 +55,8 @@ class Sensor:
         error: of a position: the reference's point at the time of the reading, minus the reading.
         info: key of infos that holds the reading.
         options: further options that it has, of "noise", "bias" and "range".
-        draws: place of its noise among the random numbers of a control period (`sensor.noise_place`), even.
+        draws: place of its noise among the random numbers of a control period (`sensor.noise_place`), even; None: one
+            far from all others, by its name.
         text: for the documentation.
     """
 
@@ -66,13 +68,18 @@ class Sensor:
     error: Part | None = None
     info: str
     options: tuple[str, ...] = ("noise",)
-    draws: int = 0
+    draws: int | None = None
     text: str = ""
 
     @property
     def title(self) -> str:
         """What it is called."""
         return self.words.partition(" ")[2]
+
+    @property
+    def noise_offset(self) -> int:
+        """See `draws`."""
+        return crc32(self.name.encode()) << 20 if self.draws is None else self.draws
 
     @property
     def blocks(self) -> tuple[str, ...]:
@@ -176,7 +183,6 @@ IMU = Sensor(
     ),
     info="imu",
     options=("noise", "bias", "range"),
-    draws=1 << 40,
     text="""\
 `imu_link` mounts an inertial measurement unit on a link at `imu_position`. Its accelerometer reads the *specific force*
 along and across the link's tangent at that point, which turns as the link bends; its gyro reads the tangent's rate.
@@ -186,7 +192,7 @@ beyond which it saturates (`imu_range`). The torque of a control period acts fro
 shows the torque that has been held. `imu_delay` makes readings late: between two integration steps they are linear, and
 before an episode's first step they are those of its start, with idle motors.""",
 )
-FURTHER = (SECOND, IMU)  # those of positions first
+FURTHER = (SECOND, IMU)
 SENSORS = (LINK_2, *FURTHER)
 
 
@@ -203,7 +209,7 @@ def mounted(settings: Any) -> tuple[Mounted, ...]:
         ValueError: for a position off the link.
     """
     arm, found, first = settings.flexible_arm.parameters, [], 0
-    for sensor in FURTHER:
+    for sensor in sorted(FURTHER, key=lambda one: one.quantity != POSITION):  # kernels expect positions first
         link, position, delay = (getattr(settings, f"{sensor.name}_{name}") for name in ("link", "position", "delay"))
         if link is None:
             continue
