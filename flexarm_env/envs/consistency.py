@@ -110,8 +110,8 @@ def _refuse_contradictions(settings: Any) -> None:
         )
     if settings.compensation != "none" and not _late(settings):
         raise ValueError(
-            f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; it must be "
-            "'none'"
+            f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; it must "
+            "be 'none'"
         )
     if not _late(settings) and "delay" in settings.randomisation:
         raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
