@@ -1,4 +1,4 @@
-"""The yardstick that knows everything: the best plan known, with linear-quadratic feedback of the true state."""
+"""The privileged yardstick: the best plan known, with linear-quadratic feedback of the true state."""
 
 from __future__ import annotations
 

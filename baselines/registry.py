@@ -34,7 +34,7 @@ class Kind(Protocol):
     """A class of controllers.
 
     Attributes:
-        knows: what it is told beside the observation; see `controller.TorqueController`.
+        knows: its inputs beside the observation; see `controller.TorqueController`.
     """
 
     knows: ClassVar[tuple[str, ...]]

@@ -31,7 +31,7 @@ NOISE = NoiseModel(joint_angle=3e-3, joint_rate=3.0, tip=0.01, torque=(5.0, 2.0)
 
 
 class Unknown(NamedTuple):
-    """How a quantity is thought of.
+    """Prior of an estimated quantity.
 
     Attributes:
         deviation: standard deviation before an episode.
@@ -194,7 +194,7 @@ class AdaptiveLQG(LQG):
         return torque, (*beliefs.by_arm(count), chosen, torque, doubt, believed)
 
     def _corrected(self, plans: Array, periods: Array, beliefs: Beliefs, readings: Floats) -> tuple[Beliefs, Floats]:
-        """Return what is thought after the readings, and the normalised squares of the innovations. Shape (n h,).
+        """Return the estimates after the readings, and the normalised squares of the innovations. Shape (n h,).
 
         Args:
             plans: of each. Shape (n h,).
@@ -215,13 +215,13 @@ class AdaptiveLQG(LQG):
     def _later(
         self, at: Place, residual: Floats, slope: Floats, late: Floats, variance: Floats
     ) -> tuple[Floats, Floats]:
-        """Return by how much later the motors are than was thought [s], and the variance of what is thought now [s^2].
+        """Return the error of the motors' estimated delay [s], and the variance of the estimate after it [s^2].
 
         Args:
             at: tables and periods.
             residual: of the readings. Shape (n, r).
             slope: its derivative by lateness as a share of the period. Shape (n, r).
-            late: what was thought [s]. Shape (n,).
+            late: the estimated delay [s]. Shape (n,).
             variance: of it [s^2]. Shape (n,).
         """
         period = self.task.period

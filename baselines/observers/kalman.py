@@ -165,8 +165,8 @@ class KalmanFilter:
         """Begin with arms at rest, which have been so for the delay at least.
 
         Args:
-            state: where they are thought to be. Shape (n, 4 + 4 m).
-            **values: estimated quantities that are not thought to be the filter's own. Shape (n,) each.
+            state: estimated states. Shape (n, 4 + 4 m).
+            **values: estimates of quantities that differ from the filter's own. Shape (n,) each.
         """
         states = np.atleast_2d(np.asarray(state, dtype=np.float64))
         if states.ndim != 2 or states.shape[1] != self._states:

@@ -77,7 +77,7 @@ def zeros_locus(results: dict[str, Any]) -> Figure:
 
 
 def _kind(zero: complex) -> str:
-    """Where a zero lies: a key of `KINDS`."""
+    """Return where a zero lies, a key of `KINDS`."""
     tiny = 1e-6 * abs(zero)
     if abs(zero.real) <= tiny:
         return "on the imaginary axis"
@@ -160,7 +160,7 @@ def margins(results: dict[str, Any]) -> Figure:
 
 
 def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:
-    """Circles where the held arm diverges; squares, behind the lap's end, for whole laps."""
+    """Draw circles where the held arm diverges, and squares behind the lap's end for whole laps."""
     for r in rows:
         look: dict[str, Any] = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "zorder": 4}
         look["linestyle"] = "none"

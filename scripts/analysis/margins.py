@@ -62,7 +62,7 @@ def row(arm: FlexibleArm, sensor: str, delayed: str, controller: str) -> dict[st
 
 
 def margins(case: LawLoop) -> dict[str, Any]:
-    """Both margins of one loop."""
+    """Find both margins of one loop."""
     delay = delay_margin(case)
     gain = gain_margin(case, delay)
     return {
@@ -76,7 +76,7 @@ def margins(case: LawLoop) -> dict[str, Any]:
 
 
 def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
-    """Delay margins of IFDC with late rates and the sensor at the end effector: the linear arm with other modes."""
+    """Find the delay margins of the linear arm by its modes: IFDC, late rates, sensor at the end effector."""
     found = []
     for count in modes:
         arm = FlexibleArm(ArmParameters.linear(modes_per_link=count))
@@ -88,7 +88,7 @@ def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
 
 
 def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """How many times its delay each arm, sensor and kind of late reading can stand, over controllers and places.
+    """Return the least and largest ratio of margin and delay for each arm, sensor and kind of late reading.
 
     Args:
         found: what `rows` returned.
@@ -103,7 +103,7 @@ def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
-    """Delay margins of the paper's arm along the first side; the other sides repeat it, and it is its own mirror image.
+    """Find the delay margins of the paper's arm along half of the first side; the rest of the square is alike.
 
     Args:
         points: on half a side.
@@ -124,7 +124,7 @@ def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
 
 
 def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[dict[str, Any]]:
-    """Largest lambda that keeps the loop stable: late rates at the paper's delays, and the true tip without delay.
+    """Find the largest stable lambda: with late rates at the paper's delays, and on the true tip without delay.
 
     Args:
         arms: some of `ARMS`, with late rates.
@@ -150,6 +150,6 @@ def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[di
 
 
 def largest(case: LawLoop) -> float:
-    """Upper end of the interval of stable gains that begins at 0; 0 if there is none."""
+    """Return the upper end of the interval of stable gains that begins at 0; 0 if there is none."""
     intervals = stable_gains(case)
     return intervals[0].high if intervals and intervals[0].low == 0.0 else 0.0

@@ -44,7 +44,7 @@ def paths() -> dict[str, Callable[[OperatingPoint], Plant]]:
 
 
 def random_poses(arm: FlexibleArm, count: int) -> list[OperatingPoint]:
-    """Resting arms at angles drawn uniformly; bent within 0.2 rad of straight or folded they are drawn again."""
+    """Draw angles of resting arms uniformly, without those within 0.2 rad of straight or folded."""
     rng = np.random.default_rng(SEED)
     poses: list[OperatingPoint] = []
     while len(poses) < count:

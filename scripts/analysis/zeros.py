@@ -31,18 +31,18 @@ def undamped(modes: int) -> FlexibleArm:
 
 
 def point_zeros(point: OperatingPoint, position: float) -> list[complex]:
-    """Zeros from the torques to a point of link 2, those with Re >= 0 and Im >= 0."""
+    """Return the zeros from the torques to a point of link 2 with Re >= 0 and Im >= 0."""
     values = zeros(linear_plant(point, true_point(position))).values
     return [complex(v) for v in values if v.real >= -1e-9 * abs(v) and v.imag >= 0.0]
 
 
 def upper_zeros(point: OperatingPoint, position: float) -> list[complex]:
-    """Zeros from the torques to a point of link 2 with Im >= 0, on either side of the axis."""
+    """Return the zeros from the torques to a point of link 2 with Im >= 0, on either side of the axis."""
     return [complex(v) for v in zeros(linear_plant(point, true_point(position))).values if v.imag >= 0.0]
 
 
 def entries(arm: FlexibleArm) -> list[float]:
-    """Sensor positions at which a zero is at infinity [m]: the instantaneous response C A B is singular there."""
+    """Return the sensor positions at which a zero is at infinity [m]; there the response C A B is singular."""
     point = bent(arm)
     acceleration = point.linearisation.B[arm.size :]
 
@@ -61,7 +61,7 @@ def bent(arm: FlexibleArm, elbow: float = ELBOW) -> OperatingPoint:
 
 
 def spread(modes: int) -> dict[str, float]:
-    """How far the zeros move over elbow angles (relative), and how far joint-angle zeros leave the axis."""
+    """Measure how far the zeros move over elbow angles (relative), and how far joint-angle zeros leave the axis."""
     arm = undamped(modes)
     first = []
     off_axis = 0.0
@@ -112,7 +112,7 @@ def exact(position: float) -> dict[str, list[float]]:
 
 
 def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
-    """Zeros along link 2, for the picture; with Im >= 0, on either side of the axis."""
+    """Find the zeros with Im >= 0 along link 2, on either side of the axis, for the picture."""
     positions = np.linspace(0.1, 4.5, points)
     found: dict[str, Any] = {"positions": positions.tolist()}
     for name, arm in models.items():

@@ -52,7 +52,7 @@ class Options:
 
 
 def read_parameters(path: Path | None) -> dict[str, Any]:
-    """Fields of `ArmParameters` from a file.
+    """Read fields of `ArmParameters` from a file.
 
     Raises:
         ValueError: for another kind of file or an unknown field.

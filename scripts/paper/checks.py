@@ -48,7 +48,7 @@ Check = Callable[[Measures, Differences, str], Finding]
 
 
 def _by_sensing(m: Measures, controller: str, place: str, pick: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
-    """One figure of each of a controller's runs that are there."""
+    """Return one figure of each of a controller's runs that are there."""
     names: dict[str, str] = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
     return {s: pick(m[name]) for s, name in names.items() if name in m}
 
@@ -58,7 +58,7 @@ def _first(row: dict[str, Any]) -> float:
 
 
 def _beyond(found: dict[str, float]) -> dict[str, float]:
-    """How much the late sensors' figures exceed the collocated one's."""
+    """Return by how much the late sensors' figures exceed the collocated one's."""
     return {s: found[s] - _needed(found, "collocated") for s in LATE if s in found}
 
 
@@ -82,7 +82,7 @@ def _ratio(found: dict[str, dict[str, float]], controller: str) -> float:
 
 
 def stable(m: Measures, d: Differences, controller: str) -> Finding:
-    """Vibration does not grow from side to side."""
+    """Check that vibration does not grow from side to side."""
     growth = {name: row["vibration_by_side"][3] / max(row["vibration_by_side"][:3]) for name, row in m.items()}
     largest = max(_some(growth))
     worst = next(name for name in growth if growth[name] == largest)
@@ -90,7 +90,7 @@ def stable(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def pronounced(m: Measures, d: Differences, controller: str) -> Finding:
-    """IFDC passes every corner by a good way."""
+    """Check that IFDC passes every corner by a good way."""
     found = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_overshoot"])
     return Finding(min(min(v) for v in _some(found)) > PRONOUNCED, {"overshoot": found})
 
@@ -103,13 +103,13 @@ def shift_right(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def rest(m: Measures, d: Differences, controller: str) -> Finding:
-    """Late sensors leave IFDC's path as it is, but for the second corner."""
+    """Check that late sensors leave IFDC's path as it is, but for the second corner."""
     found = _apart(m, d, "ifdc", "tip")
     return Finding(max(f["rest"] for f in _some(found)) <= VISIBLE, {"path_difference": found})
 
 
 def _apart(m: Measures, d: Differences, controller: str, place: str) -> dict[str, dict[str, float]]:
-    """Path differences between two runs that are both there: NMP from collocated, corrected from NMP."""
+    """Return path differences between two runs that are both there: NMP from collocated, corrected from NMP."""
     pairs = {"nmp": "collocated", "corrected": "nmp"}
     names: dict[str, str] = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
     return {s: d[f"{controller}_{place}_{s}"] for s, other in pairs.items() if names[s] in m and names[other] in m}
@@ -158,7 +158,7 @@ def circle(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def smooth(m: Measures, d: Differences, controller: str) -> Finding:
-    """Vibration is at most half of IFDC's."""
+    """Check that vibration is at most half of IFDC's."""
     figures = ("vibration", "tip_acceleration", "circle_deviation")
     found = {
         figure: {c: _by_sensing(m, c, "elbow", itemgetter(figure)) for c in ("ifdc", controller)} for figure in figures
@@ -169,14 +169,14 @@ def smooth(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def same_circle(m: Measures, d: Differences, controller: str) -> Finding:
-    """Both late sensings make the same path."""
+    """Check that both late sensings make the same path."""
     apart = {c: _apart(m, d, c, "elbow") for c in CONTROLLERS}
     found: dict[str, float] = {c: pairs["corrected"]["all"] for c, pairs in apart.items() if "corrected" in pairs}
     return Finding(max(_some(found)) <= VISIBLE, {"path_difference": found})
 
 
 def suppresses(m: Measures, d: Differences, controller: str) -> Finding:
-    """Vibration is significantly below IFDC's."""
+    """Check that vibration is significantly below IFDC's."""
     found = {c: _by_sensing(m, c, "tip", lambda row: row["vibration"]) for c in ("ifdc", controller)}
     ratio = _ratio(found, controller)
     return Finding(
@@ -188,7 +188,7 @@ def tracking(tip: str) -> Check:
     """Make a check of the r.m.s. error of the "true" or the "rigid" tip."""
 
     def check(m: Measures, d: Differences, controller: str) -> Finding:
-        """Whether the errors are significantly below IFDC's."""
+        """Check that the errors are significantly below IFDC's."""
         found = {c: _by_sensing(m, c, "tip", lambda row: row[f"{tip}_tip_rms"]) for c in ("ifdc", controller)}
         ratio = _ratio(found, controller)
         merit = max(found[controller].values())

@@ -46,7 +46,7 @@ class Claim:
     note: str = ""
 
     def runs(self, controller: str) -> list[str]:
-        """Names of the runs that the claim looks at."""
+        """Return the names of the runs that the claim looks at."""
         controllers = [controller if c == ANY else c for c in self.controllers]
         return [f"{c}_{s}_{p}" for c in controllers for p in self.places for s in self.sensings]
 

@@ -97,7 +97,7 @@ def paths(runs: dict[str, Trajectory], controller: str, place: str, zoom: float 
 
 
 def _mark_changes(axis: Axes, runs: dict[str, Trajectory], tip: str, zoom: float | None) -> None:
-    """Where the tip is when the elbow changes sides; on the whole square with the time of the first run to do so."""
+    """Mark the tip when the elbow changes sides; on the whole square with the time of the first run to do so."""
     labelled: list[float] = []
     for sensing, run in runs.items():
         path = run.rigid_tip if tip == "rigid" else run.tip
@@ -115,7 +115,7 @@ def _mark_changes(axis: Axes, runs: dict[str, Trajectory], tip: str, zoom: float
 
 
 def _show_direction(axis: Axes, reference: Array, runs: dict[str, Trajectory], tip: str) -> None:
-    """Arrows along the reference, and when the runs that differ pass: dots every quarter of a second."""
+    """Draw arrows along the reference, and dots every quarter of a second on the runs that differ."""
     switch = reference[len(reference) // 4]
     for start, end in ((-0.5, -0.3), (0.3, 0.5)):  # share of the view's half width before and behind the corner
         ends = [switch + 2.0 * np.array([share, 0.0] if share > 0.0 else [0.0, share]) for share in (start, end)]
@@ -134,7 +134,7 @@ def _show_direction(axis: Axes, reference: Array, runs: dict[str, Trajectory], t
 
 
 def _inset_of_the_start(axis: Axes, runs: dict[str, Trajectory], tip: str) -> None:
-    """Where the circle begins, larger, in the empty middle of the square."""
+    """Draw the start of the circle larger, in the empty middle of the square."""
     inset = axis.inset_axes((0.36, 0.25, 0.34, 0.5))
     for sensing, run in runs.items():
         path = run.rigid_tip if tip == "rigid" else run.tip

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
-    """Figures of one run; lengths in m, rates in m/s.
+    """Measure one run; lengths in m, rates in m/s.
 
     Besides `flexarm_env.metrics.summary`: the overshoot past each switch of the rigid-kinematics tip (the one that
     the paper plots) and of the true tip, from the switch until the next one; the vibration over each side; the
@@ -50,7 +50,7 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
 
 
 def _along(run: Trajectory, knots: Array) -> float:
-    """How far along the next side the rigid tip is where its overshoot is largest [m].
+    """Return how far along the next side the rigid tip is where its overshoot is largest [m].
 
     Args:
         run: the run.
@@ -84,7 +84,7 @@ class Workspace:
         return float(np.sqrt(self.reach**2 - self.corner**2) - self.corner)
 
     def along(self, overshoot: float) -> float:
-        """How far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
+        """Return how far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
         return max(0.0, float(self.corner - np.sqrt(self.reach**2 - (self.corner + overshoot) ** 2)))
 
 
@@ -95,7 +95,7 @@ def _sides(run: Trajectory, lap_time: float) -> list[tuple[float, float]]:
 
 
 def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:
-    """Path differences (rigid tip, whatever the time, r.m.s. in m) between the sensings of one column.
+    """Measure path differences between the sensings of one column (rigid tip, whatever the time, r.m.s. in m).
 
     Keys are `<controller>_<place>_nmp` (NMP from collocated) and `<controller>_<place>_corrected` (corrected from
     NMP); values `all`, `top_right` (from a quarter of a side before the second switch to three quarters after), `rest`.

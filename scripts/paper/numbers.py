@@ -43,12 +43,12 @@ class Number:
     note: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data, with the relative difference."""
+        """Return plain data, with the relative difference."""
         return asdict(self) | {"relative_difference": self.ours / self.paper - 1.0 if self.paper else 0.0}
 
 
 def numbers() -> list[Number]:
-    """All rows; every value of ours comes from the package's own objects."""
+    """Return all rows; every value of ours comes from the package's own objects."""
     arm = FlexibleArm(ArmParameters.paper())
     return [*_arm_and_gains(arm), *_delays(arm), *_lap(), *_fuzzy_system()]
 

@@ -62,7 +62,7 @@ def sweep_lines(rows: Rows, sweep: str, label: str, base: Rows) -> Figure:
 
 
 def _number_axis(axis: Axes, values: Sequence[float]) -> None:
-    """Logarithmic abscissa with ticks, as plain numbers, at values of a sweep that leave room for the numbers."""
+    """Make the abscissa logarithmic, with ticks at values of a sweep that leave room for their numbers."""
     axis.set_xscale("log")
     ticks: list[float] = []
     for value in sorted(set(values)):

@@ -77,8 +77,8 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     def cell(r: dict[str, Any], column: str) -> str:
         if r["holds"][column]:
             return "holds"
-        asked = r["condition"] and not r["holds"]["paper"]
-        return "holds under the condition" if asked and r["values"][column].get("under_condition") else "fails"
+        conditional = r["condition"] and not r["holds"]["paper"]
+        return "holds under the condition" if conditional and r["values"][column].get("under_condition") else "fails"
 
     return table(
         ["claim", "the paper says, in short", "verdict", *titles.values()],
@@ -119,7 +119,7 @@ def one_side(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
 
 
 def elbow_changes(row: dict[str, Any]) -> str:
-    """When the elbow changes sides [s]; near the elbow's sensor, where the arm is stretched out, how often."""
+    """Write when the elbow changes sides [s], or how often if that is more than four times."""
     times = row["elbow_changes"]
     if len(times) > 4:
         return f"{len(times)} times"
@@ -127,7 +127,7 @@ def elbow_changes(row: dict[str, Any]) -> str:
 
 
 def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, str]) -> str:
-    """How many of the paper's runs keep their elbow on its side, as a paragraph."""
+    """Write how many of the paper's runs keep their elbow on its side, as a paragraph."""
     laps = {
         (column, name): row["elbow_changes"]
         for column, named in found.items()
@@ -164,12 +164,12 @@ def _is_ifdc_lap(name: str, row: dict[str, Any]) -> bool:
 
 
 def ended_early(row: dict[str, Any]) -> str:
-    """Why, but not when a run ended: that hangs on the last digit. sweeps.json has the time."""
+    """Write why a run ended; when it did depends on the last digit, and sweeps.json has it."""
     return f"ended early: {row['ended']}"
 
 
 def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
-    """Overshoots of one column's runs, and where the arm's reach lets the tip be so far past a corner."""
+    """Tabulate overshoots of one column's runs, and where the arm's reach lets the tip be so far past a corner."""
     chosen = {name: row for name, row in found.items() if name.endswith("_tip") and not row["ended_early"]}
 
     def cell(values: Sequence[float]) -> str:
@@ -195,7 +195,7 @@ def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
 
 
 def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
-    """Each claim with its measure and the figures of every column."""
+    """Write each claim with its measure and the figures of every column."""
     text = ""
     for r in rows:
         text += f"\n### {r['id']}: {r['verdict']}\n\n> {r['quote']}\n\n*Measure:* {r['measure']}.\n"
@@ -210,11 +210,11 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             body.append([f"constant gain, FLSAC's mean: {titles[c]}", verdict, _shown(found["values"])])
         alone = {c: found for c, found in r["one_side"]["columns"].items() if found["holds"] is not None}
         text += "\n" + table(["arm", "", "figures"], body)
-        told = [
+        sides = [
             f"{'holds' if found['holds'] else 'fails'} on {titles[c]} ({len(found['runs'])} of {found['of']} runs)"
             for c, found in alone.items()
         ]
-        text += f"\nFrom runs whose elbow keeps its side: {'; '.join(told)}.\n" if told else ""
+        text += f"\nFrom runs whose elbow keeps its side: {'; '.join(sides)}.\n" if sides else ""
         if "merit_of_flsac" in gains:
             up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
@@ -266,7 +266,7 @@ def _figures_of_run(name: str, r: dict[str, Any]) -> list[str]:
 
 
 def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
-    """Alternative readings of the law, NMP case, sensor at the end effector."""
+    """Tabulate alternative readings of the law, NMP case, sensor at the end effector."""
     chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
 
     def cells(r: dict[str, Any]) -> list[str]:
@@ -283,7 +283,7 @@ def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
-    """One sweep over a number, sensor at the end effector and 0.5 m from the elbow; `KEPT` marks unchanged elbows."""
+    """Tabulate a sweep over a number, both places of the sensor; `KEPT` marks elbows that keep their side."""
 
     def cell(row: dict[str, Any]) -> str:
         """Return what is compared at the run's sensor place."""

@@ -30,7 +30,7 @@ class Row:
 
 
 def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
-    """Verdict and the condition it stands under.
+    """Return the verdict and the condition under which it stands.
 
     Args:
         claim: the claim.
@@ -54,7 +54,7 @@ def decide(
     sweep: list[dict[str, Any]],
     titles: dict[str, str],
 ) -> list[Row]:
-    """All rows of claims.json.
+    """Decide all claims, as rows of claims.json.
 
     Args:
         table: measures by column and case name.
@@ -139,5 +139,5 @@ def _constant_gains(
 
 
 def as_json(rows: list[Row]) -> list[dict[str, Any]]:
-    """Plain data."""
+    """Return plain data."""
     return [asdict(row) for row in rows]
