@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 _UNFINISHED = ".new-"
-_FORGOTTEN = 86400.0  # age of an unfinished file that nobody writes any more [s]
+_FORGOTTEN = 86400.0  # age at which an unfinished file is removed [s]
 
 
 def put(path: Path, write: Callable[[Path], Any]) -> None:
-    """Have a file written beside its place and put it there when it is complete; after an error nothing is left.
+    """Write a file atomically: beside its place, then moved there; after an error nothing is left.
 
-    Processes that write the same file do not meet: each writes aside under a name of its own, and the last one stays.
-    What killed processes left aside is removed when it is a day old: nobody is still writing it.
+    Several processes may write the same file: each writes under a name of its own, and the last one stays. Unfinished
+    files of killed processes are removed after a day.
 
     Args:
         path: path of the file; it keeps its ending while it is written.
@@ -35,7 +35,7 @@ def put(path: Path, write: Callable[[Path], Any]) -> None:
 
 
 def _sweep(path: Path) -> None:
-    """Remove what killed processes left of a file that they wrote."""
+    """Remove old unfinished files of killed processes."""
     for other in path.parent.glob(f"{_UNFINISHED}*"):
         if other.name.endswith(f"-{path.name}"):
             with suppress(FileNotFoundError):  # it was finished meanwhile, or removed by another process
@@ -61,7 +61,7 @@ def check_place(name: str, path: Path) -> None:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file is what a killed process left of one that it wrote."""
+    """Whether a file is an unfinished one of a killed process."""
     return path.name.startswith(_UNFINISHED)
 
 

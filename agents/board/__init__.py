@@ -1,1 +1,1 @@
-"""The leaderboard: rows (controllers and agents), columns (tasks and axes), and the cells where they meet."""
+"""The leaderboard: its entries (controllers and agents), its columns (tasks and axes), a cell for each pair."""

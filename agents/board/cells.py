@@ -46,7 +46,7 @@ class Cell(NamedTuple):
     """An entry at a point.
 
     Attributes:
-        entry: who is measured.
+        entry: the policy that is measured.
         point: where.
         depends: all that the result depends on, as plain values.
     """
@@ -57,7 +57,7 @@ class Cell(NamedTuple):
 
     @classmethod
     def of(cls, entry: Entry, point: Point) -> Cell:
-        """Find out what a result depends on.
+        """Return the cell with all that its result depends on.
 
         Raises:
             TypeError, ValueError: for an entry that cannot do the nominal task.
@@ -77,7 +77,7 @@ def _content_hash(*values: Any) -> str:
 
 
 def _environment(entry: Entry, point: Point) -> dict[str, Any]:
-    """Return what the environment and its episodes are."""
+    """Return the environment and its episodes as plain values."""
     options = point.environment_options(entry.interface)
     task = TASKS[point.task]
     code = _code(task.hosted)
@@ -154,7 +154,7 @@ class Job(NamedTuple):
     """Cells of one entry that are computed together, as any worker can make them again.
 
     Attributes:
-        entry: who is measured.
+        entry: the policy that is measured.
         points: where.
         keys: of the cells.
     """
@@ -184,5 +184,7 @@ def compute(job: Job) -> list[dict[str, Any]]:
     """
     for point, key in zip(job.points, job.keys, strict=True):
         if Cell.of(job.entry, point).key != key:
-            raise ValueError(f"entry {job.entry.name}: this worker has other code or another policy than who asks")
+            raise ValueError(
+                f"entry {job.entry.name}: this worker has other code or another policy than the sender of the job"
+            )
     return run_points(job.entry, job.points)

@@ -60,7 +60,7 @@ class Point:
         return tuple(Episode(lap, FIRST_SEED + n) for lap in laps for n in self.seeds)
 
     def environment_options(self, interface: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of the environment in which a row meets this point.
+        """Return the options of the environment in which an entry runs at this point.
 
         Args:
             interface: the row's own options.
@@ -145,8 +145,8 @@ def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
         for name, column in columns.items()
     }
     left_out = [name for name, column in columns.items() if found[name] != column]
-    told = f"{', '.join(left_out)}: without the chain, for which {install_hint('mujoco', 'chain')}"
-    return found, told if left_out else ""
+    message = f"{', '.join(left_out)}: without the chain, for which {install_hint('mujoco', 'chain')}"
+    return found, message if left_out else ""
 
 
 COLUMNS: dict[str, Column] = {

@@ -1,4 +1,4 @@
-"""`Entry`: who is measured: a controller by its name, a trained policy, anybody's class or function."""
+"""`Entry`: a controller, a trained policy, or a user's class or function, as plain values; all entries of the board."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
 
 @dataclass(frozen=True)
 class Entry:
-    """Who is measured, in plain values: any machine makes the same policy of them.
+    """A policy of the board as plain values, from which any machine makes the same policy.
 
     Attributes:
         source: name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz
             file; "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`.
         name: shown in tables; "": the source, of a file or folder its name.
         environment: id of the environment that observation and action are those of, for module:attribute and models.
-        options: options of that environment, those that are an entry's to choose (`environments.INTERFACE`).
+        options: options of that environment which an entry may choose (`environments.INTERFACE`).
         algorithm: class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`.
         vec_normalize: file of its statistics, see there.
     """
@@ -114,7 +114,7 @@ class Entry:
 
     @property
     def fingerprint(self) -> dict[str, str]:
-        """What the policy is, to the last bit of its data, and the hash of the code that it runs."""
+        """The hashes of the policy's data and of the code that it runs."""
         policy, recipe = self.candidate().policy, _recipe(_text(self))
         named = [Path(file) for file in getattr(policy, "files", ())]
         files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
@@ -204,7 +204,7 @@ def _trained(entry: Entry) -> Recipe:
     return Recipe(own, check, files=(policy_file(entry.source),), config=trained.notes["config"])
 
 
-# The law acts on joints, which are not late, unless it is told to act on the late sensor, as in the paper.
+# By default the law acts on the joints, which are not late; here it acts on the late sensor, as in the paper.
 _LATE = {"law_sensor": "sensor", "sensor": "rigid"}
 LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),

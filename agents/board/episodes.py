@@ -62,7 +62,7 @@ def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run an entry at some points.
 
     Args:
-        entry: who is measured.
+        entry: the policy that is measured.
         points: where.
 
     Returns:

@@ -68,10 +68,10 @@ def measure(
     """Compute the missing cells, and add all up.
 
     Args:
-        entries: who is measured.
-        columns: on what, by name.
+        entries: the policies that are measured.
+        columns: by name.
         store: has the cells, and gets those that are missing.
-        where: computes them.
+        where: the executor that computes them.
         progress: makes the bar for a number of cells.
 
     Returns:

@@ -146,8 +146,8 @@ def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results)
     """Return an entry of the board as plain values.
 
     Args:
-        entry: who was measured.
-        columns: on what, by name.
+        entry: the policy that was measured.
+        columns: by name.
         results: of the cells of these columns, as the store has them.
     """
     candidate = entry.candidate()

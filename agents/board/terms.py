@@ -10,8 +10,8 @@ from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
 
-BOARD = 1  # version; raise it where scores change, and tell in the changelog what changed them
-FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # neither trainings nor evaluations use such seeds, unless told to
+BOARD = 1  # version; raise it where scores change, and name the cause in the changelog
+FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # trainings and evaluations do not use such seeds by default
 SQUARE = "FlexArm/Square-v0"
 
 # Options that the board sets for entries of an action mode: the gain's law overshoots corners and has no torque limit.

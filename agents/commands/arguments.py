@@ -45,7 +45,7 @@ STATUS = "exit status: 0 done; 1 error, with a message of one line; 2 wrong usag
 
 
 def epilog(*verbs: str) -> str:
-    """Write examples of verbs, and what an exit status means, for the end of a help text."""
+    """Write the end of a help text: examples of verbs, and the meaning of exit statuses."""
     lines = [f"  {line}" for verb in verbs for line in EXAMPLES[verb]]
     return "\n".join(("examples:", *lines, "", wrapped(STATUS)))
 

@@ -26,7 +26,7 @@ from flexarm_agents.policies.load import shipped_policies
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import integer
 
-PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked for
+PAPER = ("ifdc", "flsac")  # controllers that are scored by default
 DESCRIPTION = """\
 Score controllers and trained policies on the swing and the plain lap, from rest on the first corner, by the distance of
 the true tip from the target. All run on the default arm, that of FlexArm/Square-v0, unless asked for another; a policy
@@ -62,7 +62,7 @@ class Group(NamedTuple):
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Score, print tables, and write a file if one is asked for."""
+    """Score, print tables, and write a file where one is named."""
     given = _read(arguments)
     if given.output is not None:
         check_place("output", given.output)
@@ -82,12 +82,12 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
     for candidate in candidates:
         scores = _scores(candidate, laps, seed)
         results.append(Result(candidate, scores))
-        told = (
+        result = (
             str(scores[0])
             if laps == 1
             else f"both laps complete with {sum(s.complete for s in scores)} of {laps} seeds"
         )
-        print(f"{candidate.name}: {told}", file=sys.stderr, flush=True)
+        print(f"{candidate.name}: {result}", file=sys.stderr, flush=True)
     results.sort(key=lambda result: rank(result.scores))
     plants: dict[str, list[Result]] = {}
     for each in results:
@@ -99,7 +99,7 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
     if groups:
         print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
     if not (given.own or given.environment or given.options or given.arm):
-        _tell_own(results)
+        _print_own(results)
     about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
     settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
     return about | {"results": [each.plain(seed) for each in results], "settings": settings}
@@ -110,7 +110,7 @@ def _plant(environment: str, plant: Mapping[str, Any]) -> str:
     return environment.partition("/")[2] + (f" with {json.dumps(plant)}" if plant else "")
 
 
-def _tell_own(results: Sequence[Result]) -> None:
+def _print_own(results: Sequence[Result]) -> None:
     """Name the policies that were trained on another plant than the nominal one, on which they are scored."""
     others = []
     for each in results:

@@ -1,4 +1,4 @@
-"""POLICY on the command line: a training, a controller, a class or function of a module, or somebody's model."""
+"""POLICY on the command line: a training, a controller, a class or function, a stable-baselines3 model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import shown
 
-PATIENCE = 1.0  # before a line says what takes so long [s]
+PATIENCE = 1.0  # before a line names what takes so long [s]
 
 POLICY = """\
 folder of a training, or its npz file; name of a shipped policy or of a controller, as `flexarm list` has them;
@@ -98,7 +98,7 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
         if given.environment is None and (own or load_policy(source).has_own_arm):
             return from_training(source, given.options, given.arm)
     entry = entry_of(source, given, interface_of(given.options))
-    with _said_if_long(f"{source}: the policy is made"):
+    with _message_if_long(f"{source}: the policy is made"):
         return entry.on(check_id(given.environment or ENVIRONMENT), changed({}, plant_of(given.options), given.arm))
 
 
@@ -127,7 +127,7 @@ def _is_attribute(source: str) -> bool:
 
 
 @contextmanager
-def _said_if_long(what: str) -> Iterator[None]:
+def _message_if_long(what: str) -> Iterator[None]:
     """Say on stderr what goes on, once it takes longer than a second."""
     timer = Timer(PATIENCE, print, (what,), {"file": sys.stderr, "flush": True})
     timer.daemon = True

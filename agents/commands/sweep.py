@@ -74,7 +74,7 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
 
 
 def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
-    """Say where a lap's error is doubled first, and where it is lost.
+    """Describe where a lap's error is doubled first, and where it is lost.
 
     Args:
         ends: of the lap, see `breaking`.
@@ -83,12 +83,12 @@ def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
     if ends["complete"] is not None:
         whole = spans(values, ends["complete"])
         return f"lost at the nominal value; complete at {whole}" if whole else "lost everywhere"
-    told = []
+    parts = []
     for what, words in (("lost", "lost"), ("doubled", "error doubled")):
         sides = (("low", "{} and below"), ("high", "{} and above"))
         where = [side.format(_number(ends[what][end])) for end, side in sides if ends[what][end] is not None]
-        told.append(f"{words} at {', '.join(where)}" if where else f"never {words}")
-    return "; ".join(told)
+        parts.append(f"{words} at {', '.join(where)}" if where else f"never {words}")
+    return "; ".join(parts)
 
 
 def _number(value: float | str) -> str:

@@ -1,4 +1,4 @@
-"""`Candidate`: what is scored, by whatever name it is given: a trained policy, one's own class or function, a model."""
+"""`Candidate`: a policy that is scored, with its environment: a trained policy, a user's class or function, a model."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Candidate(NamedTuple):
         Raises:
             ValueError: if `knows` has another name.
         """
-        told = tuple(getattr(self.policy, "knows", ()))
-        for name in told:
+        named = tuple(getattr(self.policy, "knows", ()))
+        for name in named:
             if name not in READINGS:
-                raise ValueError(f"policy {self.name}: knows = {told}: must be names of {', '.join(READINGS)}")
-        found = {*told, *readings_of(self.env.unwrapped.settings)}  # type: ignore[attr-defined]
+                raise ValueError(f"policy {self.name}: knows = {named}: must be names of {', '.join(READINGS)}")
+        found = {*named, *readings_of(self.env.unwrapped.settings)}  # type: ignore[attr-defined]
         return tuple(name for name in READINGS if name in found)
 
     @property

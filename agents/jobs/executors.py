@@ -1,7 +1,7 @@
-"""Where jobs run: in processes of this machine, on a Ray cluster, or by Slurm; one protocol for all.
+"""Executors run jobs in processes of this machine, on a Ray cluster, or by Slurm; they share one protocol.
 
-None of them tries a failed job again: what is missing afterwards is missing, and the next run does it. Ray itself
-moves jobs away from a node that dies.
+No executor retries a failed job: its result is missing, and the next run computes it. Ray itself moves jobs away from
+a node that dies.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Executor(Protocol):
         Args:
             function: of a module that every worker can import.
             jobs: its arguments; they and the results can be pickled.
-            stoppable: the function heeds `StopSignals`. Processes of this machine are then asked to stop, and waited
-                for, when this one is stopped; those of Ray end at once, and tasks of Slurm go on.
+            stoppable: the function stops on `StopSignals`. When this process is stopped, processes of this machine then
+                stop where they can resume, and are waited for; those of Ray end at once; tasks of Slurm continue.
 
         Yields:
             The index of a job and its result, or what it raised, as soon as it is done.

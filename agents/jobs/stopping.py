@@ -1,6 +1,6 @@
-"""`StopSignals`: a training that is asked to stop does so at the next moment from which it can be resumed.
+"""`StopSignals`: a training stops at the next moment from which it can be resumed.
 
-A signal asks the training of the process that gets it; `ask_to_stop`, called in a worker, that of the worker.
+A signal stops the training of its process; `ask_to_stop`, called in a worker, that of the worker.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _ASKED = threading.Event()
 
 
 def ask_to_stop() -> None:
-    """Have the training of this process, and each that it begins later, stop as after SIGTERM."""
+    """Stop the training of this process, and each that begins later, as after SIGTERM."""
     _ASKED.set()
 
 

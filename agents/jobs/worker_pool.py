@@ -1,7 +1,7 @@
 """Worker processes that never outlive their parent, however it ends.
 
-A parent that ends early, by an error or a signal, kills its workers, or asks them to stop where they can go on later
-and waits for them.
+A parent that ends early, by an error or a signal, kills its workers, or lets them stop where they can resume and waits
+for them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class WorkerPool:
         self._executor = executor
 
     def submit(self, job: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Have a worker call `job`; see `Executor.submit`.
+        """Call `job` in a worker; see `Executor.submit`.
 
-        A worker begins with the signals blocked that ask a script to stop: they are its parent's business, and a
+        A worker begins with the signals blocked that ask a script to stop: the parent handles them, and a
         terminal sends Ctrl-C to both.
         """
         with _blocked_signals():
@@ -42,7 +42,7 @@ class WorkerPool:
 
 
 class _Spawning(SpawnContext):
-    """Spawns processes, and keeps them: the caller may have other children, which are not ours to kill.
+    """Spawns processes, and lists them: the caller may have other children, which must not be killed.
 
     Attributes:
         made: the processes.
@@ -67,11 +67,11 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
 
     Args:
         count: how many.
-        stoppable: the jobs heed `StopSignals`.
+        stoppable: the jobs stop on `StopSignals`.
     """
     context = _Spawning()
-    asked, asking = context.Pipe(duplex=False)  # workers are asked to stop by the end of what they could read
-    with _blocked_signals():  # this starts multiprocessing's resource tracker, which knows nothing of SIGHUP
+    asked, asking = context.Pipe(duplex=False)  # the end of this pipe is the request to stop
+    with _blocked_signals():  # this starts multiprocessing's resource tracker, which does not handle SIGHUP
         executor = ProcessPoolExecutor(count, mp_context=context, initializer=_follow_parent, initargs=(asked,))
     try:
         yield WorkerPool(executor)
@@ -121,10 +121,10 @@ def _blocked_signals() -> Iterator[None]:
 
 
 def _follow_parent(asked: Connection) -> None:
-    """Watch, in a worker, for the parent: what it asks for, and its end.
+    """Watch, in a worker, for the parent's request to stop, and for its end.
 
     Args:
-        asked: ends when the parent asks to stop. The system closes it, and the parent's sentinel, with the parent.
+        asked: ends when the workers are to stop. The system closes it, and the parent's sentinel, with the parent.
     """
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -139,7 +139,7 @@ def _follow_parent(asked: Connection) -> None:
 
 
 def _carry_out(job: Callable[..., Any], *arguments: Any) -> Any:
-    """Do a job in a worker, unless it is to stop: the pool hands out a job more than it has workers."""
+    """Do a job in a worker, unless it is to stop: a pool queues one job more than it has workers."""
     if is_asked_to_stop():
         raise TrainingStopped(signal.SIGTERM, 0)
     return job(*arguments)

@@ -233,7 +233,7 @@ class FlexArmVecEnv(VecEnv):
 
 
 def _warn_of_threads() -> None:
-    """Warn if torch takes several threads and nobody said how many it should take."""
+    """Warn if torch takes several threads and their number was not chosen."""
     if (threads := torch.get_num_threads()) > 1 and _THREADS not in os.environ:
         gymnasium.logger.warn(
             f"torch uses {threads} threads. On networks of the usual size they mostly wait for each other: no faster "

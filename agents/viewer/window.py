@@ -102,14 +102,14 @@ class Viewer:
         self._surface = self._pygame.Surface(SIZE)
 
     def run(self) -> None:
-        """Show the arm in real time until somebody closes the window."""
+        """Show the arm in real time until the window is closed."""
         while not self.window.closed:
             self.frame()
         self.window.close()
         self.live.close()
 
     def frame(self) -> None:
-        """Do what was asked for, run the arm for the time of a picture, and show it."""
+        """Handle the events, run the arm for the time of a picture, and show it."""
         for event in self.window.look():
             self._handle(event)
         if self.window.closed:

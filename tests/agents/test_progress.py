@@ -55,7 +55,7 @@ def test_what_takes_longer_than_a_moment_is_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sources, "PATIENCE", 0.05)
-    with sources._said_if_long("slow: the controller is designed"):
+    with sources._message_if_long("slow: the controller is designed"):
         before, waited = capsys.readouterr().err, 0
         while not (said := capsys.readouterr().err) and waited < 200:
             time.sleep(0.05)
@@ -63,6 +63,6 @@ def test_what_takes_longer_than_a_moment_is_said(
     assert before == ""
     assert said == "slow: the controller is designed\n"
     monkeypatch.setattr(sources, "PATIENCE", 60.0)
-    with sources._said_if_long("quick: the controller is designed"):
+    with sources._message_if_long("quick: the controller is designed"):
         pass
     assert capsys.readouterr().err == ""
