@@ -13,7 +13,13 @@ from tests.support.programs import PACKAGES
 FLAGS = doctest.IGNORE_EXCEPTION_DETAIL
 MAIN = (
     *("flexarm_env.envs.single", "flexarm_env.envs.vector", "flexarm_env.metrics", "flexarm_env.parameters"),
-    *("flexarm_env.rollout", "flexarm_baselines.controller", "flexarm_baselines.registry", "flexarm_agents"),
+    *(
+        "flexarm_env.reference_episode",
+        "flexarm_env.rollout",
+        "flexarm_baselines.controller",
+        "flexarm_baselines.registry",
+        "flexarm_agents",
+    ),
 )
 
 

@@ -207,6 +207,7 @@ def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> Non
 
 # --- the committed board ---------------------------------------------------------------------------------------
 
+
 @pytest.fixture(scope="module")
 def committed() -> dict[str, dict[str, Any]]:
     if not (DOCS / measuring.DATA).is_file():
