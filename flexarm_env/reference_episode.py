@@ -8,7 +8,7 @@ nothing is drawn but what the caller chooses, the side of the elbow.
     >>> observation = episode.reset()
     >>> observation, reward, terminated, truncated = episode.step([0.5, -0.2])
     >>> len(observation), round(reward, 4), terminated
-    (46, 0.9764, False)
+    (46, 0.8654, False)
 """
 
 from __future__ import annotations
@@ -89,9 +89,10 @@ class ReferenceEpisode:
         terms = reward.tracking_terms(square_error)
         terms += reward.regularising_terms(change, torque, now.deflection_rate)
         total = sum(WEIGHTS.get(name, 0.0) * term for name, term in zip(reward.TERMS, terms, strict=True))
-        invalid = bool(np.any(np.abs(now.state) > state_limits(self.arm)))  # it has no reward
+        invalid = np.any(np.abs(now.state) > state_limits(self.arm))  # it has no reward
         outside = max(map(abs, now.deflection)) > LARGEST_DEFLECTION or square_error > LARGEST_ERROR**2
-        return observation, 0.0 if invalid else total, invalid or outside, self.steps >= STEPS * SUBSTEPS
+        ended = bool(invalid or outside), self.steps >= STEPS * SUBSTEPS
+        return observation, 0.0 if invalid else float(total), *ended
 
     def _integrate(self, torque: Floats) -> None:
         """Advance by one step of the classical Runge-Kutta method, in coordinates and momenta."""

@@ -19,6 +19,7 @@ MODULES = (
     "flexarm_env.formulas",
     "flexarm_env.metrics",
     "flexarm_env.parameters",
+    "flexarm_env.reference_episode",
     "flexarm_env.rollout",
     "flexarm_env.envs.single",
     "flexarm_env.envs.vector",
