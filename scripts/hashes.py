@@ -192,11 +192,21 @@ def paper_files() -> str:
 
 
 def content(path: Path) -> Any:
-    """Return a file's arrays, or its bytes."""
-    if path.suffix != ".npz":
-        return path.read_bytes()
-    with np.load(path, allow_pickle=False) as arrays:
-        return dict(arrays)
+    """Return a file's arrays, or its bytes, without the lines of JSON that tell clock times or follow them."""
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as arrays:
+            return dict(arrays)
+    return untimed(json.loads(path.read_text())) if path.suffix == ".json" else path.read_bytes()
+
+
+def untimed(value: Any) -> Any:
+    """Return JSON without entries that have "clock" in their names."""
+    if isinstance(value, dict):
+        return {key: untimed(entry) for key, entry in value.items() if "clock" not in key}
+    if isinstance(value, list):
+        named = [entry.get("name", "") if isinstance(entry, dict) else "" for entry in value]
+        return [untimed(entry) for entry, name in zip(value, named, strict=True) if "clock" not in name]
+    return value
 
 
 def policies() -> Iterator[tuple[str, Callable[[], str]]]:

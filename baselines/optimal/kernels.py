@@ -7,6 +7,8 @@ functions call nothing outside this file (`kept_on_disk`).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
@@ -15,6 +17,75 @@ from flexarm_env.codegen.cache import kept_on_disk
 compiled = kept_on_disk(__file__, "sweeps of differential dynamic programming")
 TORQUES = 2
 LEAST_SHARE = 1e-14  # of the least curvature by the torques in the one of largest magnitude; rounding takes some 1e-16
+
+
+class Runs(NamedTuple):
+    """R runs of N periods, independent of each other: the quadratic model of their cost, and the torques' bounds.
+
+    Attributes:
+        by_state: A of each period. Shape (R, N, n, n).
+        by_torque: B. Shape (R, N, n, 2).
+        defects: by how much each period of a run ends beyond the next state; 0 where it follows the dynamics.
+            Shape (R, N, n), or (R, 1, n) for all periods.
+        gradient: of the cost, by each state. Shape (R, N + 1, n).
+        hessian: Shape (R, N + 1, n, n).
+        curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
+            the cost's slope there; 0 for iterative LQR. Shape (R, N, n + 2, n + 2), or (R, 1, n + 2, n + 2) for all
+            periods.
+        weights: on squared torques, and on their squared changes. Shape (2, 2).
+        torques: of the period before the first, then of each. Shape (R, N + 1, 2).
+        limits: largest magnitudes. Shape (2,).
+        regularisation: added to the curvature by each torque. Shape (2,).
+    """
+
+    by_state: Floats
+    by_torque: Floats
+    defects: Floats
+    gradient: Floats
+    hessian: Floats
+    curvature: Floats
+    weights: Floats
+    torques: Floats
+    limits: Floats
+    regularisation: Floats
+
+
+class Solution(NamedTuple):
+    """What a sweep writes.
+
+    Attributes:
+        forward: changes of the torques. Shape (R, N, 2).
+        gains: on z. Shape (R, N, 2, n + 2).
+        slopes: of the cost from each instant on, by z; the last one is that of a cost beyond the end, to which the
+            end's own is added. Shape (R, N + 1, n + 2).
+        curvatures: as `slopes`. Shape (R, N + 1, n + 2, n + 2).
+        expected: first- and second-order part of the change of the cost that the model expects of the full step.
+            Shape (R, 2).
+    """
+
+    forward: Floats
+    gains: Floats
+    slopes: Floats
+    curvatures: Floats
+    expected: Floats
+
+
+class Quadratic(NamedTuple):
+    """The cost from a period on as a function of its z and its torque u, to second order.
+
+    Attributes:
+        z: slope by z. Shape (n + 2,).
+        zz: curvature by z, its upper triangle. Shape (n + 2, n + 2).
+        u: slope by u. Shape (2,).
+        uu: curvature by u. Shape (2, 2).
+        uz: curvature by u and z. Shape (2, n + 2).
+    """
+
+    z: Floats
+    zz: Floats
+    u: Floats
+    uu: Floats
+    uz: Floats
 
 
 @compiled
@@ -56,33 +127,21 @@ def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: F
 
 
 @compiled
-def state_model(
-    a: Floats,
-    b: Floats,
-    gradient: Floats,
-    hessian: Floats,
-    curvature: Floats,
-    vx: Floats,
-    vxx: Floats,
-    va: Floats,
-    qz: Floats,
-    qzz: Floats,
-) -> None:
+def state_model(runs: Runs, run: int, t: int, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
     """Differentiate a period's cost and what follows by the arm's state x, whatever the torque.
 
     Args:
-        a: A. Shape (n, n).
-        b: B. Shape (n, 2).
-        gradient: of the period's cost by x. Shape (n,).
-        hessian: Shape (n, n).
-        curvature: see `backward`. Shape (n + 2, n + 2).
+        runs: all runs.
+        run: index of the run.
+        t: index of the period.
         vx: slope of the cost of what follows by the next z. Shape (n + 2,).
         vxx: its curvature. Shape (n + 2, n + 2).
         va: receives the part of vxx by the states, times A. Shape (n, n).
-        qz: receives the slope in its first n entries. Shape (n + 2,).
-        qzz: receives the curvature's upper triangle in its first n rows; 0 beyond column n. Shape (n + 2, n + 2).
+        q: receives `z` in its first n entries, and `zz` in its first n rows; 0 beyond column n.
     """
-    n = b.shape[0]
+    a, curvature = runs.by_state[run, t], runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
+    gradient, hessian = runs.gradient[run, t], runs.hessian[run, t]
+    n = a.shape[0]
     for i in range(n):
         for j in range(n):
             va[i, j] = 0.0
@@ -91,117 +150,80 @@ def state_model(
             for j in range(n):
                 va[i, j] += factor * a[m, j]
     for i in range(n):
-        qz[i] = gradient[i]
+        q.z[i] = gradient[i]
         for j in range(n + TORQUES):
-            qzz[i, j] = hessian[i, j] + curvature[i, j] if j < n else 0.0
+            q.zz[i, j] = hessian[i, j] + curvature[i, j] if j < n else 0.0
         for m in range(n):
             factor = a[m, i]
-            qz[i] += factor * vx[m]
+            q.z[i] += factor * vx[m]
             for j in range(i, n):
-                qzz[i, j] += factor * va[m, j]
+                q.zz[i, j] += factor * va[m, j]
 
 
 @compiled
-def torque_model(
-    a: Floats,
-    b: Floats,
-    curvature: Floats,
-    vx: Floats,
-    vxx: Floats,
-    va: Floats,
-    qu: Floats,
-    quu: Floats,
-    quz: Floats,
-) -> None:
-    """Differentiate what follows a period by its torque, without the torque's own cost.
+def torque_model(runs: Runs, run: int, t: int, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
+    """Differentiate what follows a period by its torque, without the torque's own cost; arguments of `state_model`.
 
-    Args:
-        a: see `state_model`.
-        b: see `state_model`.
-        curvature: see `state_model`.
-        vx: see `state_model`.
-        vxx: see `state_model`.
-        va: of `state_model`.
-        qu: receives the slope. Shape (2,).
-        quu: receives the curvature. Shape (2, 2).
-        quz: receives the curvature by torque and z; 0 from column n on. Shape (2, n + 2).
+    It writes `u`, `uu` and `uz`, whose columns from n on are 0.
     """
-    n = b.shape[0]
+    a, b = runs.by_state[run, t], runs.by_torque[run, t]
+    curvature = runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
+    n = a.shape[0]
     for k in range(TORQUES):
-        qu[k] = vx[n + k]
+        q.u[k] = vx[n + k]
         for j in range(n + TORQUES):
-            quz[k, j] = curvature[n + k, j] if j < n else 0.0
+            q.uz[k, j] = curvature[n + k, j] if j < n else 0.0
         for m in range(n):
-            qu[k] += b[m, k] * vx[m]
+            q.u[k] += b[m, k] * vx[m]
             for j in range(n):
-                quz[k, j] += b[m, k] * va[m, j] + vxx[n + k, m] * a[m, j]
+                q.uz[k, j] += b[m, k] * va[m, j] + vxx[n + k, m] * a[m, j]
         for j in range(TORQUES):
             total = vxx[n + k, n + j] + curvature[n + k, n + j]
             for m in range(n):
                 total += b[m, k] * vxx[m, n + j] + vxx[n + k, m] * b[m, j]
                 for i in range(n):
                     total += b[m, k] * vxx[m, i] * b[i, j]
-            quu[k, j] = total
+            q.uu[k, j] = total
 
 
 @compiled
-def add_torque_cost(
-    weights: Floats, torque: Floats, before: Floats, qu: Floats, quu: Floats, quz: Floats, qz: Floats, qzz: Floats
-) -> None:
+def add_torque_cost(weights: Floats, torque: Floats, before: Floats, q: Quadratic) -> None:
     """Add a period's cost of its torque and of the change since the period before.
 
     Args:
-        weights: see `backward`.
+        weights: see `Runs`.
         torque: of the period. Shape (2,).
         before: of the one before. Shape (2,).
-        qu: see `torque_model`.
-        quu: see `torque_model`.
-        quz: see `torque_model`.
-        qz: see `state_model`; its last two entries are set.
-        qzz: see `state_model`; its last two rows are set.
+        q: of `state_model` and `torque_model`; the last two entries of `z` and rows of `zz` are set.
     """
-    n = qz.shape[0] - TORQUES
+    n = q.z.shape[0] - TORQUES
     for k in range(TORQUES):
         amount, smooth = 2.0 * weights[0, k], 2.0 * weights[1, k]
         change = torque[k] - before[k]
-        qu[k] += amount * torque[k] + smooth * change
-        quu[k, k] += amount + smooth
-        quz[k, n + k] = -smooth
-        qz[n + k] = -smooth * change
+        q.u[k] += amount * torque[k] + smooth * change
+        q.uu[k, k] += amount + smooth
+        q.uz[k, n + k] = -smooth
+        q.z[n + k] = -smooth * change
         for j in range(TORQUES):
-            qzz[n + k, n + j] = smooth if j == k else 0.0
+            q.zz[n + k, n + j] = smooth if j == k else 0.0
 
 
 @compiled
-def minimise(
-    weights: Floats,
-    torque: Floats,
-    limits: Floats,
-    regularisation: Floats,
-    qu: Floats,
-    quu: Floats,
-    quz: Floats,
-    box: Floats,
-    step: Floats,
-    gains: Floats,
-) -> None:
+def minimise(runs: Runs, torque: Floats, q: Quadratic, box: Floats, step: Floats, gains: Floats) -> None:
     """Find the best change of a period's torque within its limits, and its gains on z.
 
     Where the model bends less than the torques' own cost does, it is bent as much (a modified Newton method); where
     that is lost in rounding, a little more.
 
     Args:
-        weights: see `backward`.
+        runs: all runs.
         torque: at present. Shape (2,).
-        limits: see `backward`.
-        regularisation: see `backward`.
-        qu: see `torque_model`.
-        quu: see `torque_model`.
-        quz: see `torque_model`.
+        q: the model.
         box: to work in. Shape (2, 2).
         step: receives the change. Shape (2,).
         gains: receives the gains; those of a torque at a limit are 0. Shape (2, n + 2).
     """
+    weights, limits, regularisation, quu, quz = runs.weights, runs.limits, runs.regularisation, q.uu, q.uz
     for k in range(TORQUES):
         box[0, k], box[1, k] = -limits[k] - torque[k], limits[k] - torque[k]
     own_1, own_2 = 2.0 * (weights[0, 0] + weights[1, 0]), 2.0 * (weights[0, 1] + weights[1, 1])
@@ -211,7 +233,7 @@ def minimise(
     h11, h22 = quu[0, 0] + lacking * own_1 + regularisation[0], quu[1, 1] + lacking * own_2 + regularisation[1]
     h12 = quu[0, 1]
     determinant = h11 * h22 - h12 * h12
-    box_minimum(h11, h12, h22, qu[0], qu[1], box, step)
+    box_minimum(h11, h12, h22, q.u[0], q.u[1], box, step)
     first_held = step[0] <= box[0, 0] or step[0] >= box[1, 0]
     second_held = step[1] <= box[0, 1] or step[1] >= box[1, 1]
     for j in range(gains.shape[1]):
@@ -226,114 +248,64 @@ def minimise(
 
 
 @compiled
-def update_value(
-    step: Floats,
-    gains: Floats,
-    qu: Floats,
-    quu: Floats,
-    quz: Floats,
-    qz: Floats,
-    qzz: Floats,
-    vx: Floats,
-    vxx: Floats,
-) -> float:
+def update_value(step: Floats, gains: Floats, q: Quadratic, vx: Floats, vxx: Floats) -> float:
     """Slope and curvature of the cost from a period on, under its step and gains.
 
     Args:
         step: of `minimise`.
         gains: of `minimise`.
-        qu: see `torque_model`.
-        quu: see `torque_model`.
-        quz: see `torque_model`.
-        qz: see `state_model`.
-        qzz: see `state_model`.
+        q: the model.
         vx: receives the slope.
         vxx: receives the curvature.
 
     Returns:
         Second-order part of the change of cost by the step.
     """
-    bent_0 = quu[0, 0] * step[0] + quu[0, 1] * step[1]
-    bent_1 = quu[1, 0] * step[0] + quu[1, 1] * step[1]
-    for i in range(qz.shape[0]):
+    bent_0 = q.uu[0, 0] * step[0] + q.uu[0, 1] * step[1]
+    bent_1 = q.uu[1, 0] * step[0] + q.uu[1, 1] * step[1]
+    for i in range(q.z.shape[0]):
         first, second = gains[0, i], gains[1, i]
-        vx[i] = qz[i] + first * (bent_0 + qu[0]) + second * (bent_1 + qu[1])
-        vx[i] += quz[0, i] * step[0] + quz[1, i] * step[1]
-        row_0 = quu[0, 0] * first + quu[0, 1] * second + quz[0, i]
-        row_1 = quu[1, 0] * first + quu[1, 1] * second + quz[1, i]
-        for j in range(i, qz.shape[0]):
-            value = qzz[i, j] + row_0 * gains[0, j] + row_1 * gains[1, j]
-            value += first * quz[0, j] + second * quz[1, j]
+        vx[i] = q.z[i] + first * (bent_0 + q.u[0]) + second * (bent_1 + q.u[1])
+        vx[i] += q.uz[0, i] * step[0] + q.uz[1, i] * step[1]
+        row_0 = q.uu[0, 0] * first + q.uu[0, 1] * second + q.uz[0, i]
+        row_1 = q.uu[1, 0] * first + q.uu[1, 1] * second + q.uz[1, i]
+        for j in range(i, q.z.shape[0]):
+            value = q.zz[i, j] + row_0 * gains[0, j] + row_1 * gains[1, j]
+            value += first * q.uz[0, j] + second * q.uz[1, j]
             vxx[i, j] = value
             vxx[j, i] = value
     return 0.5 * (step[0] * bent_0 + step[1] * bent_1)
 
 
 @compiled
-def backward(
-    by_state: Floats,
-    by_torque: Floats,
-    defects: Floats,
-    gradient: Floats,
-    hessian: Floats,
-    curvature: Floats,
-    weights: Floats,
-    torques: Floats,
-    limits: Floats,
-    regularisation: Floats,
-    feedforward: Floats,
-    gains: Floats,
-    slopes: Floats,
-    curvatures: Floats,
-    expected: Floats,
-) -> None:
+def backward(runs: Runs, solution: Solution) -> None:
     """Sweep backward through runs: steps and gains that minimise the quadratic model of each one's cost.
 
-    Torques stay within the limits (control-limited differential dynamic programming). R runs, independent of each
-    other.
+    Torques stay within the limits (control-limited differential dynamic programming).
 
     Args:
-        by_state: A of each period. Shape (R, N, n, n).
-        by_torque: B. Shape (R, N, n, 2).
-        defects: by how much each period of a run ends beyond the next state; 0 where it follows the dynamics.
-            Shape (R, N, n), or (R, 1, n) for all periods.
-        gradient: of the cost, by each state. Shape (R, N + 1, n).
-        hessian: Shape (R, N + 1, n, n).
-        curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
-            the cost's slope there; 0 for iterative LQR. Shape (R, N, n + 2, n + 2), or (R, 1, n + 2, n + 2) for all
-            periods.
-        weights: on squared torques, and on their squared changes. Shape (2, 2).
-        torques: of the period before the first, then of each. Shape (R, N + 1, 2).
-        limits: largest magnitudes. Shape (2,).
-        regularisation: added to the curvature by each torque. Shape (2,).
-        feedforward: receives the changes of the torques. Shape (R, N, 2).
-        gains: receives the gains on z. Shape (R, N, 2, n + 2).
-        slopes: of the cost from each instant on, by z; the last one is that of a cost beyond the end, to which the
-            end's own is added, the others are received. Shape (R, N + 1, n + 2).
-        curvatures: as `slopes`. Shape (R, N + 1, n + 2, n + 2).
-        expected: receives the first- and second-order part of the change of the cost that the model expects of the
-            full step. Shape (R, 2).
+        runs: all runs.
+        solution: receives what is found.
     """
-    runs, periods, n = by_torque.shape[:3]
+    count, periods, n = runs.by_torque.shape[:3]
     size = n + TORQUES
     vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
-    qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
-    qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
-    expected[:] = 0.0
-    for run in range(runs):
-        slopes[run, periods, :n] += gradient[run, periods]
-        curvatures[run, periods, :n, :n] += hessian[run, periods]
-        vx[:], vxx[:] = slopes[run, periods], curvatures[run, periods]
+    box, (u, uu) = np.zeros((2, TORQUES)), (np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)))
+    q = Quadratic(np.zeros(size), np.zeros((size, size)), u, uu, np.zeros((TORQUES, size)))
+    solution.expected[:] = 0.0
+    for run in range(count):
+        solution.slopes[run, periods, :n] += runs.gradient[run, periods]
+        solution.curvatures[run, periods, :n, :n] += runs.hessian[run, periods]
+        vx[:], vxx[:] = solution.slopes[run, periods], solution.curvatures[run, periods]
         for t in range(periods - 1, -1, -1):
-            a, b, bent = by_state[run, t], by_torque[run, t], curvature[run, min(t, curvature.shape[1] - 1)]
-            u, before, change, law = torques[run, t + 1], torques[run, t], feedforward[run, t], gains[run, t]
+            torque, change, gains = runs.torques[run, t + 1], solution.forward[run, t], solution.gains[run, t]
             for i in range(size):
                 for j in range(n):
-                    vx[i] += vxx[i, j] * defects[run, min(t, defects.shape[1] - 1), j]
-            state_model(a, b, gradient[run, t], hessian[run, t], bent, vx, vxx, va, qz, qzz)
-            torque_model(a, b, bent, vx, vxx, va, qu, quu, quz)
-            add_torque_cost(weights, u, before, qu, quu, quz, qz, qzz)
-            minimise(weights, u, limits, regularisation, qu, quu, quz, box, change, law)
-            expected[run, 0] += change[0] * qu[0] + change[1] * qu[1]
-            expected[run, 1] += update_value(change, law, qu, quu, quz, qz, qzz, vx, vxx)
-            slopes[run, t], curvatures[run, t] = vx, vxx
+                    vx[i] += vxx[i, j] * runs.defects[run, min(t, runs.defects.shape[1] - 1), j]
+            state_model(runs, run, t, vx, vxx, va, q)
+            torque_model(runs, run, t, vx, vxx, va, q)
+            add_torque_cost(runs.weights, torque, runs.torques[run, t], q)
+            minimise(runs, torque, q, box, change, gains)
+            solution.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]
+            solution.expected[run, 1] += update_value(change, gains, q, vx, vxx)
+            solution.slopes[run, t], solution.curvatures[run, t] = vx, vxx

@@ -24,7 +24,7 @@ class Model(NamedTuple):
         torques: of the period before the first, then of each. Shape (..., N + 1, 2).
         defects: by how much each period ends beyond the next state; None: the runs follow the dynamics.
             Shape (..., N, n).
-        curvature: of the dynamics, see `kernels.backward`; None: 0. Shape (..., N, n + 2, n + 2).
+        curvature: of the dynamics, see `kernels.Runs`; None: 0. Shape (..., N, n + 2, n + 2).
     """
 
     by_state: Floats
@@ -90,21 +90,18 @@ def sweep(
         """Put the runs on one axis before the last ones."""
         return np.ascontiguousarray(table).reshape(-1, *table.shape[len(leading) :])
 
-    kernels.backward(
-        runs(model.by_state),
-        runs(model.by_torque),
-        runs(np.zeros((*leading, 1, n)) if model.defects is None else model.defects),
-        runs(model.gradient),
-        runs(model.hessian),
-        runs(np.zeros((*leading, 1, n + 2, n + 2)) if model.curvature is None else model.curvature),
-        model.weights,
-        runs(model.torques),
-        np.full(2, np.inf) if limits is None else limits,
-        np.zeros(2) if regularisation is None else regularisation,
-        runs(forward),
-        runs(gains),
-        runs(cost.slopes),
-        runs(cost.curvatures),
-        runs(expected),
+    problem = kernels.Runs(
+        by_state=runs(model.by_state),
+        by_torque=runs(model.by_torque),
+        defects=runs(np.zeros((*leading, 1, n)) if model.defects is None else model.defects),
+        gradient=runs(model.gradient),
+        hessian=runs(model.hessian),
+        curvature=runs(np.zeros((*leading, 1, n + 2, n + 2)) if model.curvature is None else model.curvature),
+        weights=model.weights,
+        torques=runs(model.torques),
+        limits=np.full(2, np.inf) if limits is None else limits,
+        regularisation=np.zeros(2) if regularisation is None else regularisation,
     )
+    tables = forward, gains, cost.slopes, cost.curvatures, expected
+    kernels.backward(problem, kernels.Solution(*map(runs, tables)))
     return Sweep(forward, gains, cost, expected)

@@ -129,12 +129,22 @@ def test_motors_that_do_the_same_at_hardly_any_cost_have_finite_steps() -> None:
 
 def test_a_model_bent_downward_beyond_all_measure_has_finite_steps() -> None:
     """Its curvature by the torques is negative and of rank one to rounding, and far more than their own cost."""
-    torque, step, gains = np.zeros(2), np.zeros(2), np.zeros((2, 3))
+    step, gains, nothing = np.zeros(2), np.zeros((2, 3)), np.zeros((1, 1, 2))
     across = np.array([4565.14378166, -9380.57261558])
     bent = -np.outer(across, across) / across[0]
+    matrices = dict.fromkeys(("by_state", "by_torque", "hessian", "curvature"), nothing[None])
+    runs = kernels.Runs(
+        **matrices,
+        defects=nothing,
+        gradient=nothing,
+        torques=nothing,
+        weights=np.full((2, 2), 1e-15),
+        limits=np.ones(2),
+        regularisation=np.zeros(2),
+    )
     for size in 10.0 ** np.arange(0, 13):
-        arguments = (np.full((2, 2), 1e-15), torque, np.full(2, 1.0), np.zeros(2), np.ones(2), size * bent)
-        kernels.minimise(*arguments, np.ones((2, 3)), np.zeros((2, 2)), step, gains)
+        model = kernels.Quadratic(np.zeros(3), np.zeros((3, 3)), np.ones(2), size * bent, np.ones((2, 3)))
+        kernels.minimise(runs, np.zeros(2), model, np.zeros((2, 2)), step, gains)
         assert np.isfinite(step).all()
         assert np.isfinite(gains).all()
 
