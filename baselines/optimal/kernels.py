@@ -70,6 +70,24 @@ class Solution(NamedTuple):
     expected: Floats
 
 
+class Period(NamedTuple):
+    """What `Runs` has of one period of a run.
+
+    Attributes:
+        a: A. Shape (n, n).
+        b: B. Shape (n, 2).
+        gradient: Shape (n,).
+        hessian: Shape (n, n).
+        curvature: Shape (n + 2, n + 2).
+    """
+
+    a: Floats
+    b: Floats
+    gradient: Floats
+    hessian: Floats
+    curvature: Floats
+
+
 class Quadratic(NamedTuple):
     """The cost from a period on as a function of its z and its torque u, to second order.
 
@@ -127,20 +145,17 @@ def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: F
 
 
 @compiled
-def state_model(runs: Runs, run: int, t: int, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
+def state_model(period: Period, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
     """Differentiate a period's cost and what follows by the arm's state x, whatever the torque.
 
     Args:
-        runs: all runs.
-        run: index of the run.
-        t: index of the period.
+        period: the period.
         vx: slope of the cost of what follows by the next z. Shape (n + 2,).
         vxx: its curvature. Shape (n + 2, n + 2).
         va: receives the part of vxx by the states, times A. Shape (n, n).
         q: receives `z` in its first n entries, and `zz` in its first n rows; 0 beyond column n.
     """
-    a, curvature = runs.by_state[run, t], runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
-    gradient, hessian = runs.gradient[run, t], runs.hessian[run, t]
+    a, _, gradient, hessian, curvature = period
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -161,13 +176,12 @@ def state_model(runs: Runs, run: int, t: int, vx: Floats, vxx: Floats, va: Float
 
 
 @compiled
-def torque_model(runs: Runs, run: int, t: int, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
+def torque_model(period: Period, vx: Floats, vxx: Floats, va: Floats, q: Quadratic) -> None:
     """Differentiate what follows a period by its torque, without the torque's own cost; arguments of `state_model`.
 
     It writes `u`, `uu` and `uz`, whose columns from n on are 0.
     """
-    a, b = runs.by_state[run, t], runs.by_torque[run, t]
-    curvature = runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
+    a, b, curvature = period.a, period.b, period.curvature
     n = a.shape[0]
     for k in range(TORQUES):
         q.u[k] = vx[n + k]
@@ -302,8 +316,11 @@ def backward(runs: Runs, solution: Solution) -> None:
             for i in range(size):
                 for j in range(n):
                     vx[i] += vxx[i, j] * runs.defects[run, min(t, runs.defects.shape[1] - 1), j]
-            state_model(runs, run, t, vx, vxx, va, q)
-            torque_model(runs, run, t, vx, vxx, va, q)
+            curvature = runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
+            gradient, hessian = runs.gradient[run, t], runs.hessian[run, t]
+            period = Period(runs.by_state[run, t], runs.by_torque[run, t], gradient, hessian, curvature)
+            state_model(period, vx, vxx, va, q)
+            torque_model(period, vx, vxx, va, q)
             add_torque_cost(runs.weights, torque, runs.torques[run, t], q)
             minimise(runs, torque, q, box, change, gains)
             solution.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]

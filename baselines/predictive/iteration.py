@@ -189,9 +189,7 @@ class RealTimeIteration:
             slopes.true_tip,
             at.deflection,
             slopes.deflection,
-            ahead.reference,
-            ahead.tip_weights,
-            self._deflection_cost,
+            kernels.Wanted(ahead.reference, ahead.tip_weights, *self._deflection_cost),
             gradient,
             hessian,
         )
@@ -245,17 +243,8 @@ class RealTimeIteration:
         """Return the cost of each candidate over the horizon. Shape (n, candidates)."""
         at, _ = self.model.output_jacobians(states)
         result = np.empty(states.shape[:2])
-        kernels.costs(
-            at.true_tip,
-            at.deflection,
-            ahead.reference,
-            ahead.tip_weights,
-            self._deflection_cost,
-            torques,
-            now.before,
-            self.runs.torque_weights,
-            result,
-        )
+        wanted = kernels.Wanted(ahead.reference, ahead.tip_weights, *self._deflection_cost)
+        kernels.costs(at.true_tip, at.deflection, wanted, torques, now.before, self.runs.torque_weights, result)
         return result
 
 

@@ -7,10 +7,28 @@ this file (`kept_on_disk`). Shapes: R arms, n entries of a state, N periods.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from flexarm_baselines.arrays import Floats
 from flexarm_env.codegen.cache import kept_on_disk
 
 compiled = kept_on_disk(__file__, "the cost of predictions")
+
+
+class Wanted(NamedTuple):
+    """What predictions are to do.
+
+    Attributes:
+        reference: where the tip should be [m]. Shape (R, N + 1, 2).
+        tip_weights: on the tip's squared errors. Shape (R, N + 1).
+        deflection_weight: on squared deflections beyond the limit.
+        deflection_limit: [m].
+    """
+
+    reference: Floats
+    tip_weights: Floats
+    deflection_weight: float
+    deflection_limit: float
 
 
 @compiled
@@ -44,9 +62,7 @@ def expand(
     tip_slopes: Floats,
     deflection: Floats,
     deflection_slopes: Floats,
-    reference: Floats,
-    tip_weights: Floats,
-    deflection_cost: tuple[float, float],
+    wanted: Wanted,
     gradient: Floats,
     hessian: Floats,
 ) -> None:
@@ -57,13 +73,11 @@ def expand(
         tip_slopes: its derivatives by the states. Shape (R, N + 1, 2, n).
         deflection: of each link's tip [m]. Shape (R, N + 1, 2).
         deflection_slopes: its derivatives by the states. Shape (R, N + 1, 2, n).
-        reference: where the tip should be [m]. Shape (R, N + 1, 2).
-        tip_weights: on the tip's squared errors. Shape (R, N + 1).
-        deflection_cost: weight on squared deflections beyond the limit, and the limit [m].
+        wanted: what they are to do.
         gradient: receives the slope by the states. Shape (R, N + 1, n).
         hessian: receives the curvature. Shape (R, N + 1, n, n).
     """
-    weight, limit = deflection_cost
+    reference, tip_weights, weight, limit = wanted
     gradient[:] = 0.0
     hessian[:] = 0.0
     for run in range(tip.shape[0]):
@@ -82,9 +96,7 @@ def expand(
 def costs(
     tip: Floats,
     deflection: Floats,
-    reference: Floats,
-    tip_weights: Floats,
-    deflection_cost: tuple[float, float],
+    wanted: Wanted,
     torques: Floats,
     before: Floats,
     torque_weights: Floats,
@@ -95,15 +107,13 @@ def costs(
     Args:
         tip: see `expand`. Shape (R, candidates, N + 1, 2).
         deflection: see `expand`. Shape (R, candidates, N + 1, 2).
-        reference: see `expand`. Shape (R, N + 1, 2).
-        tip_weights: see `expand`. Shape (R, N + 1).
-        deflection_cost: see `expand`.
+        wanted: see `expand`.
         torques: of each period [N m]. Shape (R, candidates, N, 2).
         before: of the period before the first. Shape (R, 2).
         torque_weights: on squared torques, and on their squared changes. Shape (2, 2).
         result: receives the costs. Shape (R, candidates).
     """
-    weight, limit = deflection_cost
+    reference, tip_weights, weight, limit = wanted
     for run in range(torques.shape[0]):
         for n in range(torques.shape[1]):
             total = 0.0
