@@ -32,6 +32,7 @@ from flexarm_env.codegen.declarations import (
     plain_python,
 )
 from flexarm_env.codegen.scalars import COMPILED
+from flexarm_env.lazy import cached_property
 
 # Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
 # drops the checks for division by zero, which would keep the compiler from vectorising.
@@ -68,13 +69,24 @@ class Kernels:
     def _make(self, function: Any) -> Any:
         if isinstance(function, FunctionType):
             compiler = self._entry_compiler if self._is_entry(function) else self._part_compiler
-            return njit(inspect.unwrap(function), pipeline_class=compiler, **self._options(function))
+            return njit(self._named(inspect.unwrap(function)), pipeline_class=compiler, **self._options(function))
         if isinstance(function, Recorded):
             made = vectors.vector_kernel(function.__name__, self.variant.lanes, function.recording(self.variant))
         else:
             made = intrinsic(prefer_literal=True)(function.code)
         cpu_target.typing_context.refresh()
         return made
+
+    def _named(self, function: FunctionType) -> FunctionType:
+        """Copy a function under a name of its own, which its machine code has as a symbol.
+
+        numba numbers functions within a process. Two kernels from disk that different processes compiled would have the
+        same symbols, and one would run as the other.
+        """
+        own = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__)
+        own.__qualname__ = f"{self.identity}.{function.__qualname__}"
+        own.__module__, own.__annotations__ = function.__module__, function.__annotations__
+        return own
 
     def _is_entry(self, function: Any) -> bool:
         return function in self._entries or not self.variant.program.closed
@@ -95,6 +107,7 @@ class Kernels:
 
     # --- identity -----------------------------------------------------------------------------------------------------
 
+    @cached_property
     def identity(self) -> str:
         """Hash all that the kernels are made from: bytecode of drivers, recordings, constants, and this compiler."""
         digest, seen = hashlib.sha256(_own_source()), set()
@@ -162,7 +175,7 @@ def load(variant: AnyVariant) -> Entries:
     check_compiler()
     kernels = Kernels(variant)
     with plain_python(variant):
-        name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity()}"
+        name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity}"
     folder = KernelFolder(name, variant.words)
     entries: dict[str, Callable[..., Any]] = {}
     for entry in variant.program.entries(variant.lanes):

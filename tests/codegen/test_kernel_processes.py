@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 
 import flexarm_env
+from flexarm_env.codegen.compiler import Kernels
+from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.episode.step import TORQUE, step_only
+from flexarm_env.kernels.variants import Variant
 
 PACKAGE = Path(flexarm_env.__file__).parent
 
@@ -24,7 +28,7 @@ from flexarm_env.kernels.variants import Variant
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 variant = Variant(OPEN, 1, True, 1)
 with plain_python(variant):
-    print(compiler.Kernels(variant).identity())
+    print(compiler.Kernels(variant).identity)
 if sys.argv[2:] != ["identity"]:
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
     run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
@@ -35,10 +39,10 @@ if sys.argv[2:] != ["identity"]:
 LINE = r"compiled in \d+\.\d s, kept in .+: an arm driven by torques, one environment, 1 mode a link\n"
 
 
-def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    """Run the program on the copy of the package in a folder, with a cache of its own."""
+def start(folder: Path, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[str]:
+    """Run a program on the copy of the package in a folder, with a cache of its own."""
     environment = os.environ | {"PYTHONPATH": str(folder), "FLEXARM_CACHE_DIR": str(folder / "cache")}
-    command = [sys.executable, "-c", PROGRAM, str(folder), *arguments]
+    command = [sys.executable, "-c", program, str(folder), *arguments]
     return subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -98,6 +102,35 @@ def test_an_edited_formula_comes_through(copy: Path, together: list[tuple[str, i
             assert state != together[0][2]
         file.write_text(text, encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2 * 10**9))
+
+
+# Prints where arms with so many modes come to.
+ARMS = """
+import sys, gymnasium, flexarm_env
+for modes in map(int, sys.argv[2:]):
+    env = gymnasium.make("FlexArm/Square-v0", arm={"preset": "linear", "modes_per_link": modes})
+    env.reset(seed=0)
+    print(*(x.hex() for x in env.step([0.5, -0.5])[4]["state"]))
+"""
+
+
+@pytest.mark.slow  # compiles two kernels
+def test_kernels_that_different_processes_compiled_run_side_by_side(copy: Path) -> None:
+    """numba numbers functions within a process: without names of their own both would have the same symbols."""
+    one, two = (start(copy, modes, program=ARMS).communicate(timeout=300)[0] for modes in ("1", "2"))
+    both, _ = start(copy, "1", "2", program=ARMS).communicate(timeout=300)
+    assert one != two
+    assert both == one + two
+
+
+def test_the_functions_of_each_variant_have_names_of_their_own() -> None:
+    names = set()
+    for modes in (1, 2):
+        variant = Variant(TORQUE, modes, True, 1)
+        kernels = Kernels(variant)
+        with plain_python(variant):
+            names.add(kernels.compiled(step_only).py_func.__qualname__)
+    assert len(names) == 2
 
 
 # --- forks --------------------------------------------------------------------------------------------------------
