@@ -1,13 +1,17 @@
-"""What the studies share: generated blocks of pages, and how errors are written."""
+"""What the studies share: the command, generated blocks of pages, and how errors are written."""
 
+import sys
 from pathlib import Path
 
 import pytest
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from flexarm_agents import Spread
-from scripts.common import markdown
+from scripts.common import markdown, study
 from scripts.common.markdown import fill_pages, filled, shown_blocks
 from scripts.common.spreads import millimetres, spread_text
+from scripts.common.study import Call, Study, Trials, command
 
 
 def test_errors_of_several_trainings() -> None:
@@ -34,3 +38,26 @@ def test_blocks_are_filled_on_the_pages_that_have_them(tmp_path: Path, monkeypat
     assert shown_blocks() == {"mine": "new\n"}
     with pytest.raises(ValueError, match="generated block theirs"):
         fill_pages(tmp_path, ["mine", "theirs"])
+
+
+def parabola(results: dict[str, float]) -> Figure:
+    figure, axis = plt.subplots()
+    axis.plot(list(results.values()))
+    return figure
+
+
+@pytest.mark.parametrize("svg", [False, True])
+def test_a_study_shows_its_results_in_docs(svg: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    docs, output = tmp_path / "docs", tmp_path / "results"
+    docs.mkdir()
+    (docs / "page.md").write_text("<!-- generated: squares -->\nold\n<!-- end -->\n")
+    monkeypatch.setattr(markdown, "DOCS", docs)
+    monkeypatch.setattr(study, "DOCS", docs)
+    monkeypatch.setattr(sys, "argv", ["", "--output", str(output), "--only", "squares", "--docs"])
+    trials = Trials("scripts.common.study", lambda: {str(n): Call(pow, (n, 2)) for n in (2, 3)})
+    squares = Study("squares", trials, {"squares": lambda found: f"{found}\n"}, {"sub/squares": parabola}, svg)
+    command("mine", {"squares": squares, "others": squares}, "Square numbers.")
+    assert shown_blocks() == {"squares": "{'2': 4, '3': 9}\n"}
+    picture = output / "figures" / "sub" / "squares.png"
+    assert (docs / "figures" / "sub" / "squares.png").read_bytes() == picture.read_bytes()
+    assert picture.with_suffix(".svg").is_file() == svg
