@@ -16,7 +16,7 @@ from tests.support.envs import SQUARE, make
 def test_what_was_warmed_up_needs_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     (line,) = flexarm_env.warm_up([SQUARE])
     assert re.fullmatch(rf"{SQUARE}, num_envs = 1: (compiled|was ready)", line)
-    monkeypatch.setattr(cache._Folder, "announce", lambda self: pytest.fail("it compiles"))
+    monkeypatch.setattr(cache.KernelFolder, "begin", lambda self: pytest.fail("it compiles"))
     assert flexarm_env.warm_up((f"flexarm_env:{SQUARE}",)) == [f"flexarm_env:{SQUARE}, num_envs = 1: was ready"]
     observation, _ = make(SQUARE).reset(seed=0)
     assert np.isfinite(observation).all()
