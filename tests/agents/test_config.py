@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents import PPOConfig, config_of
+import flexarm_agents
+from flexarm_agents import DAggerConfig, PPOConfig, SACConfig, config_of, load_policy, shipped_policies
 from flexarm_agents.training.config import read_config
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINY
@@ -117,6 +118,21 @@ def test_a_configuration_survives_a_file() -> None:
     assert config.differences(again) == []
     with pytest.raises(TypeError, match=r"keyword argument 'gama'; did you mean 'gamma'"):
         read_config({"gama": 0.9})
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_configurations_of_the_last_release_are_read(name: str) -> None:
+    """Fields of other algorithms, and the former names of fields; the network has the sizes that they say."""
+    values, policy = load_policy(name).notes["config"], load_policy(name).policy
+    config = read_config(values) if "algorithm" in values else DAggerConfig.of(values)
+    assert config.hidden == tuple(len(bias) for bias in policy.biases[:-1])
+    assert config.curriculum_options == values["lesson_options"]
+
+
+def test_former_names_warn() -> None:
+    with pytest.warns(DeprecationWarning, match=r"flexarm_agents.TrainingConfig is now flexarm_agents.config_of"):
+        kind = flexarm_agents.TrainingConfig
+    assert kind(algorithm="sac", lesson_options={}) == SACConfig(curriculum_options={})
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"format": 99}', '{"format": 1, "gama": 1}'])
