@@ -3,6 +3,7 @@
 import re
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ import flexarm_env
 from flexarm_env.codegen import cache
 from flexarm_env.envs import batch, warm_up
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import SQUARE, make
+from tests.support.envs import SQUARE
 
 
 def test_what_was_warmed_up_needs_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,7 +19,7 @@ def test_what_was_warmed_up_needs_no_compiler(monkeypatch: pytest.MonkeyPatch) -
     assert re.fullmatch(rf"{SQUARE}, num_envs = 1: (compiled|was ready)", line)
     monkeypatch.setattr(cache.KernelFolder, "begin", lambda self: pytest.fail("it compiles"))
     assert flexarm_env.warm_up((f"flexarm_env:{SQUARE}",)) == [f"flexarm_env:{SQUARE}, num_envs = 1: was ready"]
-    observation, _ = make(SQUARE).reset(seed=0)
+    observation, _ = gymnasium.make(SQUARE).reset(seed=0)
     assert np.isfinite(observation).all()
 
 
