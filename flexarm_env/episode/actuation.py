@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, LaneRow, Words
 from flexarm_env.codegen.declarations import Function, chosen_by_program
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step
@@ -56,17 +57,8 @@ def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRI
 
 
 @chosen_by_program
-def drive(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Move the arm over a control period: one of `DRIVES`, as the program says.
-
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
-    """
+def drive(block: Block) -> None:
+    """Move the arm over a control period: one of `DRIVES`, as the program says."""
 
 
 def make_room(arena: Arena, header: Words, newest: int) -> None:
@@ -79,17 +71,16 @@ def make_room(arena: Arena, header: Words, newest: int) -> None:
             kept[i] = later[i]
 
 
-def command(arena: Arena, header: Words, settings: Table, i: int, r: int, begin: float) -> float:
+def command(block: Block, i: int, r: int, begin: float) -> float:
     """Return the mean command that acts on channel r of lane i in an integration step, as a share of `COMMAND_SCALE`.
 
     Args:
-        arena: of one block.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
+        block: the block.
         i: the lane.
         r: the channel.
         begin: start of the integration step, from the start of the period [s].
     """
+    header, settings, arena = block.header, block.settings, block.arena
     newest = row.TAIL + header[word.COMMANDS] + r
     late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
     if late == 0.0:
@@ -114,8 +105,9 @@ def undelayed(arena: Arena) -> bool:
     return delayed == 0
 
 
-def write_commands(arena: Arena, header: Words, settings: Table, step: int, held: bool) -> None:
+def write_commands(block: Block, step: int, held: bool) -> None:
     """Write the commanded torques of an integration step: the mean over the step if a command changes within it."""
+    header, settings, arena = block.header, block.settings, block.arena
     begin = step * settings[setting.STEP]
     newest = row.TAIL + header[word.COMMANDS]
     for r in range(2):
@@ -126,35 +118,35 @@ def write_commands(arena: Arena, header: Words, settings: Table, step: int, held
             torques[i] = scale * commands[i]
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
-                torques[i] = scale * command(arena, header, settings, i, r, begin)
+                torques[i] = scale * command(block, i, r, begin)
 
 
-def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, done: int) -> None:
+def keep_reading(block: Block, done: int) -> None:
     """Write the reading after `done` steps of a period into the delay line, if `Header.READINGS` includes it."""
+    header, arena, history, clock = block.header, block.arena, block.history, block.clock
     if is_kept(header, done):
         store_reading(arena, history, slot_after(clock, history, done))
 
 
 @drives("torque", "actions are torques")
-def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Move the arm by torques that are the actions.
-
-    Args: as `drive`.
-    """
+def drive_torque(block: Block) -> None:
+    """Move the arm by torques that are the actions."""
+    header, settings, arena, history, clock = block.header, block.settings, block.arena, block.history, block.clock
     held = undelayed(arena)
     for step in range(header[word.SUBSTEPS]):
         if step == 0 or not held:
-            write_commands(arena, header, settings, step, held)
+            write_commands(block, step, held)
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
         step_kernel(arena, settings[setting.STEP])
-        keep_reading(arena, history, clock, header, step + 1)
+        keep_reading(block, step + 1)
     count_steps(clock, history, header[word.SUBSTEPS])
 
 
-def add_up_torques(arena: Arena, header: Words, settings: Table) -> None:
+def add_up_torques(block: Block) -> None:
     """Write a block's commanded torques: the previous ones plus the actions' changes, within the motors' limits."""
+    header, settings, arena = block.header, block.settings, block.arena
     actions, torques = row.TAIL + 2 * header[word.PREVIEWS], row.TAIL + header[word.COMMANDS]
     make_room(arena, header, torques)
     for r in range(2):
@@ -164,15 +156,10 @@ def add_up_torques(arena: Arena, header: Words, settings: Table) -> None:
 
 
 @drives("torque_rate", "actions are changes of the torques")
-def drive_torque_rate(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table
-) -> None:
-    """Move the arm by torques whose change per second is the action.
-
-    Args: as `drive`.
-    """
-    add_up_torques(arena, header, settings)
-    drive_torque(arena, history, clock, paths, header, settings)
+def drive_torque_rate(block: Block) -> None:
+    """Move the arm by torques whose change per second is the action."""
+    add_up_torques(block)
+    drive_torque(block)
 
 
 def spline_factors(u: float, period: float) -> Factors:
@@ -190,12 +177,13 @@ def spline_factors(u: float, period: float) -> Factors:
     )
 
 
-def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
+def plan_joint_spline(block: Block) -> None:
     """Plan the joint-space law's reference over the coming period: from the present joint aim to the aim at its end.
 
     A shift changes linearly from the last one to the commanded one. If a side of the path ends at the end of the
     period, the rates there are those of that side.
     """
+    header, settings, arena, clock, paths = block.header, block.settings, block.arena, block.clock, block.paths
     h, period = settings[setting.STEP], settings[setting.PERIOD]
     for r in range(4):
         for i in range(variant.lanes):
@@ -213,7 +201,7 @@ def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, s
         for r in range(2):
             for i in range(variant.lanes):
                 before = arena[row.SHIFT + r, i]
-                shift = settings[setting.COMMAND_SCALE + r] * command(arena, header, settings, i, r, period - h)
+                shift = settings[setting.COMMAND_SCALE + r] * command(block, i, r, period - h)
                 rate = (shift - before) / period
                 arena[row.INNER_FROM + r, i] += before
                 arena[row.INNER_TO + r, i] += shift
@@ -223,20 +211,18 @@ def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, s
 
 
 @drives("tracking", "actions are added to the joint-space tracking law", "tracking")
-def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Move the arm by the joint-space tracking law, which follows the rigid arm on the reference, and the action.
-
-    Args: as `drive`.
-    """
+def drive_tracking(block: Block) -> None:
+    """Move the arm by the joint-space tracking law, which follows the rigid arm on the reference, and the action."""
+    header, settings, arena, history, clock = block.header, block.settings, block.arena, block.history, block.clock
     h, period = settings[setting.STEP], settings[setting.PERIOD]
-    plan_joint_spline(arena, clock, paths, header, settings)
+    plan_joint_spline(block)
     held = undelayed(arena)
     for r in range(2):
         for i in range(variant.lanes):
             arena[row.TAU + r, i] = 0.0
     for step in range(header[word.SUBSTEPS]):
         if header[word.SHIFTING] == 0 and (step == 0 or not held):
-            write_commands(arena, header, settings, step, held)
+            write_commands(block, step, held)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(
             arena, h, (spline_factors(begin, period), spline_factors(middle, period), spline_factors(end, period))
@@ -244,52 +230,47 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, h
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.STAGE_TORQUE + r, i]
-        keep_reading(arena, history, clock, header, step + 1)
+        keep_reading(block, step + 1)
     count_steps(clock, history, header[word.SUBSTEPS])
 
 
 @drives("gain", "actions are the gain of the paper's law", "law")
-def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Move the arm by the tip law, which acts in continuous time with the action as its gain lambda.
-
-    Args: as `drive`.
-    """
+def drive_gain(block: Block) -> None:
+    """Move the arm by the tip law, which acts in continuous time with the action as its gain lambda."""
+    header, settings, arena = block.header, block.settings, block.arena
     h = settings[setting.STEP]
     held = undelayed(arena)
     for step in range(header[word.SUBSTEPS]):
         for i in range(variant.lanes if step == 0 or not held else 0):
-            share = 0.5 * (command(arena, header, settings, i, 0, step * h) + 1.0)
+            share = 0.5 * (command(block, i, 0, step * h) + 1.0)
             arena[row.GAIN, i] = arena[row.GAIN_LIMIT, i] * share
         if step == 0:
-            evaluate_law(arena, history, clock, paths, h)
+            evaluate_law(block, h)
             for i in range(variant.lanes):
                 arena[row.EFFECTIVE_GAIN, i] = arena[row.GAIN, i]
-        loop_step(arena, history, clock, paths, h)
+        loop_step(block, h)
 
 
 @drives("gain", "actions are the gain of the paper's law, the plant is another engine's", among=HOST_DRIVES)
 @drives("torque", "actions are torques, the plant is another engine's", among=HOST_DRIVES)
-def host_commands(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
+def host_commands(block: Block) -> None:
     """Enter the acting commands of each integration step into the arena's tail, after the kept ones.
 
     They are shares of `COMMAND_SCALE`; what they are to the plant, the host says. The clocks move on here.
-
-    Args: as `drive_torque`.
     """
+    header, settings, arena, history, clock = block.header, block.settings, block.arena, block.history, block.clock
     channels = header[word.CHANNELS]
     commands = row.TAIL + header[word.COMMANDS] + header[word.KEPT_ACTIONS] * channels
     for step in range(header[word.SUBSTEPS]):
         for r in range(channels):
             for i in range(variant.lanes):
-                acting = command(arena, header, settings, i, r, step * settings[setting.STEP])
+                acting = command(block, i, r, step * settings[setting.STEP])
                 arena[commands + step * channels + r, i] = acting
     count_steps(clock, history, header[word.SUBSTEPS])
 
 
 @drives("torque_rate", "actions are changes of the torques, the plant is another engine's", among=HOST_DRIVES)
-def host_torque_rate(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table
-) -> None:
+def host_torque_rate(block: Block) -> None:
     """Enter the torques that the actions add up to; see `host_commands`."""
-    add_up_torques(arena, header, settings)
-    host_commands(arena, history, clock, paths, header, settings)
+    add_up_torques(block)
+    host_commands(block)

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
+from flexarm_env.codegen.arrays import Four
 from flexarm_env.episode.further_sensors import draw_biases, further_reference
 from flexarm_env.episode.initial_conditions import is_moving
 from flexarm_env.episode.sensor import joint_motion, point_on_reference
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting
 from flexarm_env.kernels.layout import row
@@ -18,66 +19,55 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def move_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int
-) -> None:
+def move_history(block: Block, i: int) -> None:
     """Fill the delay line of lane i, whose arm starts on the move: positions as of the newest ones moved back in time.
 
     Before the start, sensors of other quantities read what they read at the start (`delay_line.fill_history`).
     """
+    header, settings, history, clock = block.header, block.settings, block.history, block.clock
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
     for s in range(1 + variant.further_points):
-        now = point_on_time(arena, clock, paths, settings, i, s, 0.0)
+        now = point_on_time(block, i, s, 0.0)
         for back in range(1, slots):
             if is_kept(header, -back):
                 slot = (newest - back) % slots
-                then = point_on_time(arena, clock, paths, settings, i, s, back * h)
+                then = point_on_time(block, i, s, back * h)
                 for r in range(READING_ROWS):
                     moved, at = then[r] - now[r], READING_ROWS * s + r
                     history[variant.slot_rows * slot + at, i] = history[variant.slot_rows * newest + at, i] + moved
 
 
-def begin_sensors(
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    keys: Keys,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    started: Mask,
-) -> None:
+def begin_sensors(block: Block) -> None:
     """Complete what the sensors of the lanes that begin an episode have read before, see `sensor.sense`."""
+    arena, clock, started, keys = block.arena, block.clock, block.started, block.keys
     for i in range(variant.lanes):
         if started[i]:
             if is_moving(clock, i):
-                move_history(arena, history, clock, paths, header, settings, i)
+                move_history(block, i)
             if variant.further_readings:
                 draw_biases(arena, keys, i)
-            seed_sensor(arena, history, clock, paths, settings, i)
+            seed_sensor(block, i)
 
 
-def point_on_time(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, s: int, back: float) -> Four:
+def point_on_time(block: Block, i: int, s: int, back: float) -> Four:
     """Return what a sensor would have read `back` seconds ago on the rigid arm on lane i's reference, with rates.
 
     Args:
-        arena: of one block.
-        clock: of each lane.
-        paths: of all lanes.
-        settings: see `entries.Setting`.
+        block: the block.
         i: the lane.
         s: 0 for the sensor on link 2; others: the further sensors of positions.
         back: how long ago [s].
     """
     if variant.further_points and s > 0:
-        return further_reference(arena, clock, paths, settings, i, s - 1, back)
-    return reference_reading(arena, clock, paths, settings, i, back)
+        return further_reference(block, i, s - 1, back)
+    return reference_reading(block, i, back)
 
 
-def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
+def reference_reading(block: Block, i: int, back: float) -> Four:
     """Return what the sensor would have read `back` seconds ago on the rigid arm on lane i's reference, with rates."""
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
     reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
     if variant.true_sensor:
@@ -87,14 +77,15 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
 
 
-def seed_sensor(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
+def seed_sensor(block: Block, i: int) -> None:
     """Set a reading from before the start of lane i, so that the change per second of the first one is defined."""
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, i]
     later = arena[row.SENSOR_DELAY + 1, i] - late
     late += max(settings[setting.PERIOD], arena[row.HOLD, i])
     taken = clock[clock_row.STEPS, i] * h - late
-    point = sensed_point(arena, history, clock, settings, i, late, late + later)
+    point = sensed_point(block, i, late, late + later)
     reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
     for r in range(2):
         arena[row.LINK_SENSOR + r, i] = point[r]

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, Four, Keys
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.random_stream import normal_pair
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.sensor import noise_place, point_on_reference
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import delayed_number, delayed_reading
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting
 from flexarm_env.kernels.layout import row
@@ -20,32 +21,28 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def sense_further(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
-) -> None:
+def sense_further(block: Block) -> None:
     """Read the further sensors in a block's lanes, and compute the errors of the positions that they read.
 
     An error is the position of the same point of the rigid arm on the reference at that time, minus the reading.
-
-    Args: as `sensor.sense`.
     """
+    arena, active = block.arena, block.active
     for i in range(variant.lanes):
         if active[i]:
             for r in range(variant.further_readings):
-                arena[row.FURTHER_READING + r, i] = further_reading(arena, history, clock, keys, header, settings, i, r)
+                arena[row.FURTHER_READING + r, i] = further_reading(block, i, r)
             for n in range(variant.further_points):
                 late = arena[row.FURTHER_DELAY + 2 * n, i]
-                there = further_reference(arena, clock, paths, settings, i, n, late)
+                there = further_reference(block, i, n, late)
                 for r in range(2):
                     read = arena[row.FURTHER_READING + 2 * n + r, i]
                     arena[row.FURTHER_ERROR + 2 * n + r, i] = there[r] - read
 
 
 @per_lane
-def further_reading(
-    arena: Arena, history: History, clock: Clock, keys: Keys, header: Words, settings: Table, i: int, r: int
-) -> float:
+def further_reading(block: Block, i: int, r: int) -> float:
     """Return the number r that the further sensors of lane i read now."""
+    settings, arena, history, clock, keys = block.settings, block.arena, block.history, block.clock, block.keys
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     h, late = settings[setting.STEP], arena[row.FURTHER_DELAY + r, i]
@@ -60,7 +57,7 @@ def further_reading(
         if bias != 0.0:
             read += bias
         if deviation > 0.0:
-            read += deviation * deviate(keys[i], noise_place(clock, header, i) + int(arena[row.FURTHER_DRAW + r, i]))
+            read += deviation * deviate(keys[i], noise_place(block, i) + int(arena[row.FURTHER_DRAW + r, i]))
     return clip(read, -arena[row.FURTHER_RANGE + r, i], arena[row.FURTHER_RANGE + r, i])
 
 
@@ -79,18 +76,16 @@ def draw_biases(arena: Arena, keys: Keys, i: int) -> None:
             arena[row.FURTHER_BIAS + r, i] = spread * deviate(keys[i], int(arena[row.FURTHER_DRAW + r, i]))
 
 
-def further_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, n: int, back: float) -> Four:
+def further_reference(block: Block, i: int, n: int, back: float) -> Four:
     """Return position and velocity, `back` seconds ago, of a sensor's point of the rigid arm on lane i's reference.
 
     Args:
-        arena: arena of one block.
-        clock: clock of each lane.
-        paths: paths of all lanes.
-        settings: see `entries.Setting`.
+        block: the block.
         i: the lane.
         n: the further sensor.
         back: how long ago [s].
     """
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     time = clock[clock_row.STEPS, i] * h - back
     reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * h, clock[clock_row.SINCE, i] * h)

@@ -10,9 +10,10 @@ from math import sqrt
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Path, Paths, ResetRequest, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, Path, ResetRequest, Table, Words
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, lane_setting, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
@@ -78,10 +79,9 @@ def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) 
     return index + int(direction) * header[word.PATH_NAMES]
 
 
-def draw_start(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, i: int
-) -> None:
+def draw_start(block: Block, key: np.uint64, request: ResetRequest, i: int) -> None:
     """Choose the moment of its path at which lane i starts, at rest or on the move (`is_moving`)."""
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     path = clock[clock_row.PATH, i]
     lap = paths[path, paths.shape[1] - 1, 0]
     kind = request[column.START]

@@ -10,15 +10,9 @@ from numpy import floor
 from flexarm_env.codegen.arrays import (
     Actions,
     Arena,
-    Clock,
-    History,
-    Keys,
     LaneRow,
-    Mask,
     Observations,
-    Paths,
     Table,
-    Words,
 )
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
@@ -27,6 +21,7 @@ from flexarm_env.episode.further_sensors import sense_further
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import segment
@@ -41,8 +36,9 @@ NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
 FINAL_REST = 0.25  # of the lap; the rest after the move back (`initial_conditions.draw_moves`)
 
 
-def push_actions(arena: Arena, actions: Actions, first: int, header: Words) -> None:
+def push_actions(block: Block, actions: Actions) -> None:
     """Write the actions of a block, limited to [-1, 1], in front of the earlier ones, and their squared change."""
+    first, header, arena = block.first, block.header, block.arena
     newest = row.TAIL + 2 * header[word.PREVIEWS]
     make_room(arena, header, newest)
     changes: LaneRow = arena[row.ACTION_CHANGE]
@@ -58,43 +54,28 @@ def push_actions(arena: Arena, actions: Actions, first: int, header: Words) -> N
             changes[i] += change * change
 
 
-def observe(
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    keys: Keys,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    observations: Observations,
-    first: int,
-    active: Mask,
-) -> None:
+def observe(block: Block, observations: Observations) -> None:
     """Measure the present instant, determine the termination status, and write the observations.
 
-    Args: as `sensor.sense`, and
+    Args:
+        block: the block.
         observations: output, of all lanes.
-        first: index of the block's first lane among all lanes.
     """
-    update_measurements(arena, history, clock, keys, paths, header, settings, active)
-    write_previews(arena, clock, paths, header, settings)
-    write_observations(arena, observations, first, header, settings, active)
+    update_measurements(block)
+    write_previews(block)
+    write_observations(block, observations)
 
 
-def update_measurements(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
-) -> None:
-    """Update a block's measurements, reward and termination status; repeating it changes nothing.
-
-    Args: as `sensor.sense`.
-    """
+def update_measurements(block: Block) -> None:
+    """Update a block's measurements, reward and termination status; repeating it changes nothing."""
+    settings, arena, keys = block.settings, block.arena, block.keys
     if not variant.hosted:
         truth_kernel(arena)
-    follow_reference(arena, clock, paths, settings[setting.STEP])
-    note_times(arena, clock, settings)
-    sense(arena, history, clock, keys, paths, header, settings, active)
+    follow_reference(block, settings[setting.STEP])
+    note_times(block)
+    sense(block)
     if variant.further_readings:
-        sense_further(arena, history, clock, keys, paths, header, settings, active)
+        sense_further(block)
     for r in range(4):
         at = r if r < 2 else variant.size + r - 2
         for i in range(variant.lanes):
@@ -109,7 +90,7 @@ def update_measurements(
             for i in range(variant.lanes if noisy > 0 else 0):
                 deviation = arena[row.ENCODER_NOISE + r // 2, i]
                 if deviation > 0.0:
-                    noise = normal(keys[i], noise_place(clock, header, i) + CHANNELS_OF_NOISE + 2 * r)
+                    noise = normal(keys[i], noise_place(block, i) + CHANNELS_OF_NOISE + 2 * r)
                     arena[row.ENCODERS + r, i] += deviation * noise
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1])
     note_elbow(arena)
@@ -121,12 +102,13 @@ def update_measurements(
         settings[setting.WEIGHTS : setting.WEIGHTS + variant.reward_terms],
     )
     if variant.own_paths:
-        note_rest(arena, clock, settings)
+        note_rest(block)
     termination_status(arena, settings)
 
 
-def note_times(arena: Arena, clock: Clock, settings: Table) -> None:
+def note_times(block: Block) -> None:
     """Compute each lane's time of the episode, its phase of the lap, and the times since and until its side changes."""
+    settings, arena, clock = block.settings, block.arena, block.clock
     h, lap = settings[setting.STEP], settings[setting.LAP]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
@@ -178,11 +160,12 @@ def aim_on_present_side(arena: Arena, settings: Table) -> None:
             arena[row.PRESENT_JOINT + 3, i] = rate_2
 
 
-def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:
+def note_rest(block: Block) -> None:
     """Determine for each lane whether the tip stayed near the reference during the final rest of a lap of moves.
 
     The result is set at the first instant after the lap and kept until the next lap ends; before that it is 0.
     """
+    settings, arena, clock = block.settings, block.arena, block.clock
     h, lap = settings[setting.STEP], settings[setting.LAP]
     for i in range(variant.lanes):
         now = (clock[clock_row.STEPS, i] + AHEAD) * h

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm_env.codegen.arrays import Arena, Clock, Mask, Memory, Paths, ResetRequest, Table, Words
+from flexarm_env.codegen.arrays import ResetRequest
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.initial_conditions import (
@@ -19,6 +19,7 @@ from flexarm_env.episode.initial_conditions import (
     draw_start,
     is_moving,
 )
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row, column, constant, setting, word
 from flexarm_env.kernels.law import prepare_law
 from flexarm_env.kernels.layout import row
@@ -30,10 +31,9 @@ from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates
 from flexarm_env.physics.polyline import reference_at
 
 
-def initial_state(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, i: int
-) -> None:
+def initial_state(block: Block, key: np.uint64, request: ResetRequest, i: int) -> None:
     """Set the state of lane i: the requested one, or the rigid arm on the reference, with deviations if it moves."""
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     moving = is_moving(clock, i)
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
@@ -61,8 +61,9 @@ def initial_state(
     arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
 
 
-def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: int) -> None:
+def clear_lane(block: Block, i: int) -> None:
     """Set all that an earlier episode left in lane i to its initial value, except for the delay line."""
+    header, settings, arena, clock = block.header, block.settings, block.arena, block.clock
     newest = row.TAIL + 2 * header[word.PREVIEWS]
     for at in range(header[word.KEPT_ACTIONS] * header[word.CHANNELS]):
         arena[row.TAIL + header[word.COMMANDS] + at, i] = 0.0
@@ -91,30 +92,10 @@ def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: in
         arena[row.SHIFT + 1, i] = 0.0
 
 
-def reset_lanes(
-    memory: Memory,
-    arena: Arena,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-    started: Mask,
-) -> None:
-    """Begin episodes in some lanes of a block, with new keys.
-
-    Args:
-        memory: of the batch.
-        arena: of the block.
-        clock: of each lane.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
-        first: lane of the block among all.
-        started: which lanes begin an episode. Shape (lanes,).
-    """
-    lanes = first + variant.lanes
-    keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
+def reset_lanes(block: Block) -> None:
+    """Begin episodes in some lanes of a block, with new keys."""
+    memory, first, header, arena, clock = block.memory, block.first, block.header, block.arena, block.clock
+    keys, started, lanes = block.keys, block.started, first + variant.lanes
     reset_requests = array_at(memory, header[word.RESET_REQUESTS], (lanes, header[word.REQUEST_COLUMNS]), np.float64)
     columns = header[word.LANE_SETTING_COLUMNS]
     owns = array_at(memory, header[word.LANE_SETTINGS], (header[word.LANE_SETTING_ROWS], columns), np.float64)
@@ -127,12 +108,12 @@ def reset_lanes(
             draw_branch(arena, keys[i], own, request, i)
             if variant.own_paths:
                 clock[clock_row.PATH, i] = lane
-                draw_moves(paths[lane], keys[i], settings, arena[row.BRANCH, i])
+                draw_moves(block.paths[lane], keys[i], block.settings, arena[row.BRANCH, i])
             else:
                 clock[clock_row.PATH, i] = draw_path(keys[i], header, own, request)
-            draw_start(arena, clock, keys[i], paths, settings, request, i)
-            initial_state(arena, clock, keys[i], paths, settings, request, i)
-            clear_lane(arena, clock, header, settings, i)
+            draw_start(block, keys[i], request, i)
+            initial_state(block, keys[i], request, i)
+            clear_lane(block, i)
     if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
     if not (variant.law or variant.hosted):

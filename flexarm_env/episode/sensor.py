@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, LaneRow, Mask, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, Four, LaneRow, Table
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import bracket, hermite, point_at, sensed_point
 from flexarm_env.kernels.entries import clock_row, drawn, reading_row, setting, word
 from flexarm_env.kernels.layout import row
@@ -22,31 +23,20 @@ CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
 
-def sense(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
-) -> None:
+def sense(block: Block) -> None:
     """Read the sensor in a block's lanes: latest positions that have arrived, their errors, and the errors' change.
 
     A reading must be newer than the last one by half a control period, so that the change per second is meaningful.
-
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        keys: of each lane's episode.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
-        active: lanes to read; the others already have their reading. Shape (lanes,).
     """
+    arena, active = block.arena, block.active
     if variant.batch and uniform_delay(arena):
-        sample_uniform(arena, history, clock, settings, active)
+        sample_uniform(block)
     else:
         for i in range(variant.lanes):
             arena[row.SAMPLE_AGE, i] = -1.0
             if active[i]:
-                sample(arena, history, clock, keys, header, settings, i)
-    update_sensor_error(arena, clock, paths, settings)
+                sample(block, i)
+    update_sensor_error(block)
 
 
 def uniform_delay(arena: Arena) -> bool:
@@ -62,26 +52,28 @@ def uniform_delay(arena: Arena) -> bool:
     return others == 0
 
 
-def sample_uniform(arena: Arena, history: History, clock: Clock, settings: Table, active: Mask) -> None:
+def sample_uniform(block: Block) -> None:
     """Do for all lanes of a block with a `uniform_delay` what `sample` does for one lane."""
+    settings, arena, clock, active = block.settings, block.arena, block.clock, block.active
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, 0]
     later = arena[row.SENSOR_DELAY + 1, 0] - late
-    copy_readings(arena, history, clock, h, 0, late)
-    copy_readings(arena, history, clock, h, 1, late + later)
+    copy_readings(block, h, 0, late)
+    copy_readings(block, h, 1, late + later)
     for i in range(variant.lanes):
         taken = clock[clock_row.STEPS, i] * h - late
         fresh = active[i] and taken >= arena[row.SAMPLE_TIME, i] + 0.5 * settings[setting.PERIOD]
         arena[row.SAMPLE_AGE, i] = late if fresh else -1.0
     if not variant.true_sensor:
         for i in range(variant.lanes):
-            x, y = point_at(arena, settings, i, arena[row.SAMPLE_POINT, i], arena[row.SAMPLE_POINT + 1, i])
+            x, y = point_at(block, i, arena[row.SAMPLE_POINT, i], arena[row.SAMPLE_POINT + 1, i])
             arena[row.SAMPLE_POINT, i] = x
             arena[row.SAMPLE_POINT + 1, i] = y
 
 
-def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int, late: float) -> None:
+def copy_readings(block: Block, h: float, j: int, late: float) -> None:
     """Copy reading j of `late` seconds ago, of all lanes."""
+    arena, history, clock = block.arena, block.history, block.clock
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     readings: LaneRow = arena[row.SAMPLE_POINT + j]
@@ -100,16 +92,17 @@ def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int
 
 
 @per_lane
-def sample(arena: Arena, history: History, clock: Clock, keys: Keys, header: Words, settings: Table, i: int) -> None:
+def sample(block: Block, i: int) -> None:
     """Set age and position of the newest reading that has arrived at lane i; the age is negative if there is none."""
+    settings, arena, clock, keys = block.settings, block.arena, block.clock, block.keys
     h = settings[setting.STEP]
     now = clock[clock_row.STEPS, i] * h
     later = arena[row.SENSOR_DELAY + 1, i] - arena[row.SENSOR_DELAY, i]
-    late, place = latest_reading(arena, clock, keys, header, settings, i, now, arena[row.SAMPLE_TIME, i])
+    late, place = latest_reading(block, i, now, arena[row.SAMPLE_TIME, i])
     arena[row.SAMPLE_AGE, i] = late
     if late < 0.0:
         return
-    x, y = sensed_point(arena, history, clock, settings, i, late, late + later)
+    x, y = sensed_point(block, i, late, late + later)
     if variant.disturbed:
         deviation = arena[row.EPISODE + drawn.NOISE, i]
         if deviation > 0.0:
@@ -125,20 +118,14 @@ def sample(arena: Arena, history: History, clock: Clock, keys: Keys, header: Wor
 
 
 @per_lane
-def latest_reading(
-    arena: Arena, clock: Clock, keys: Keys, header: Words, settings: Table, i: int, now: float, before: float
-) -> tuple[float, int]:
+def latest_reading(block: Block, i: int, now: float, before: float) -> tuple[float, int]:
     """Find the newest reading that has arrived at lane i.
 
     A continuous sensor has one reading for each control instant. A sensor with its own clock has one for each tick,
     whose delay and loss are drawn for the tick, so that a tick may arrive after a later one.
 
     Args:
-        arena: of one block.
-        clock: of each lane.
-        keys: of each lane's episode.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
+        block: the block.
         i: the lane.
         now: present time [s].
         before: time at which the last reading was taken [s].
@@ -146,35 +133,25 @@ def latest_reading(
     Returns:
         Its age [s], negative if there is none, and the index of the first random number of the reading.
     """
+    settings, arena = block.settings, block.arena
     delay = arena[row.SENSOR_DELAY, i]
     if not variant.disturbed:
         return (delay if now - delay >= before + 0.5 * settings[setting.PERIOD] else -1.0), 0
-    return disturbed_reading(
-        arena, clock, keys, header, settings, i, now, before + 0.5 * settings[setting.PERIOD], delay
-    )
+    return disturbed_reading(block, i, now, before + 0.5 * settings[setting.PERIOD], delay)
 
 
 @per_lane
-def disturbed_reading(
-    arena: Arena,
-    clock: Clock,
-    keys: Keys,
-    header: Words,
-    settings: Table,
-    i: int,
-    now: float,
-    least: float,
-    delay: float,
-) -> tuple[float, int]:
+def disturbed_reading(block: Block, i: int, now: float, least: float, delay: float) -> tuple[float, int]:
     """Find what `latest_reading` finds for a sensor with jitter, dropouts or its own clock.
 
     Args: as there, and
         least: time at which a reading must have been taken at the earliest [s].
         delay: delay without jitter [s].
     """
+    settings, arena, clock, keys = block.settings, block.arena, block.clock, block.keys
     hold, jitter, dropout = arena[row.HOLD, i], arena[row.JITTER, i], arena[row.DROPOUT, i]
     if hold == 0.0:
-        place = noise_place(clock, header, i)
+        place = noise_place(block, i)
         if dropout > 0.0 and uniform(keys[i], place) < dropout:
             return -1.0, place
         late = delay
@@ -196,12 +173,13 @@ def disturbed_reading(
     return -1.0, place
 
 
-def noise_place(clock: Clock, header: Words, i: int) -> int:
+def noise_place(block: Block, i: int) -> int:
     """Return the index of the first random number of lane i's present control period.
 
     The period has 6 for the reading that arrives (a sensor with its own clock uses those of the tick), 2 that further
     sensors may use (`further_sensors`), and 8 for the encoders.
     """
+    header, clock = block.header, block.clock
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
         (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // header[word.SUBSTEPS]
     )
@@ -233,8 +211,9 @@ def point_on_reference(settings: Table, branch: float, link: int, distance: floa
     )
 
 
-def update_sensor_error(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
+def update_sensor_error(block: Block) -> None:
     """Update the sensor's position, its error from the reference of that time, and the error's change per second."""
+    settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     searched = 0
     for i in range(variant.lanes):  # within the present side, the earlier reference follows without a search

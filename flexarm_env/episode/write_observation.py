@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, LaneRows, Mask, Observations, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, LaneRows, Mask, Observations
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.intrinsics import TILE, write_tile
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import segment
@@ -15,12 +16,13 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def write_previews(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
+def write_previews(block: Block) -> None:
     """Write the displacement of the reference until each horizon, in the frame.
 
     The velocities of the present side and the next are cached, so that this is vectorised over the lanes; the path is
     searched only for horizons beyond them.
     """
+    header, settings, arena, clock, paths = block.header, block.settings, block.arena, block.clock, block.paths
     for n in range(header[word.PREVIEWS]):
         horizon = settings[setting.HORIZONS + n]
         at = row.TAIL + 2 * n
@@ -49,10 +51,9 @@ def write_preview(arena: Arena, preview: LaneRows, i: int, x: float, y: float) -
     preview[1, i] = cosine * y - sine * x
 
 
-def write_observations(
-    arena: Arena, observations: Observations, first: int, header: Words, settings: Table, active: Mask
-) -> None:
+def write_observations(block: Block, observations: Observations) -> None:
     """Write the observations of a block's active lanes; a lane whose state is not valid keeps its last one."""
+    first, header, settings, arena, active = block.first, block.header, block.settings, block.arena, block.active
     factors = setting.HORIZONS + header[word.PREVIEWS]
     ours = observations[first : first + variant.lanes]
     count = 0

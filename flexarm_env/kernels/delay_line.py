@@ -8,9 +8,10 @@ then the numbers that other sensors read.
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, History, Words
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import further_reading_kernel, reading_kernel
@@ -43,8 +44,9 @@ def is_kept(header: Words, done: int) -> bool:
     return bool((header[word.READINGS] >> (done % header[word.SUBSTEPS] & 63)) & 1)
 
 
-def fill_history(history: History, clock: Clock, header: Words, i: int) -> None:
+def fill_history(block: Block, i: int) -> None:
     """Fill the delay line of lane i with its newest readings; before a start at rest nothing moves."""
+    header, history, clock = block.header, block.history, block.clock
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
     rated = READING_ROWS * (1 + variant.further_points)
@@ -57,10 +59,9 @@ def fill_history(history: History, clock: Clock, header: Words, i: int) -> None:
 
 
 @per_lane
-def sensed_point(
-    arena: Arena, history: History, clock: Clock, settings: Table, i: int, late: float, later: float
-) -> tuple[float, float]:
+def sensed_point(block: Block, i: int, late: float, later: float) -> tuple[float, float]:
     """Return the position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
+    settings, history, clock = block.settings, block.history, block.clock
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
@@ -68,12 +69,13 @@ def sensed_point(
     second, _ = delayed_reading(history, slots, slot, i, 1, h, later / h)
     if variant.true_sensor:
         return first, second
-    return point_at(arena, settings, i, first, second)
+    return point_at(block, i, first, second)
 
 
 @per_lane
-def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float) -> tuple[float, float]:
+def point_at(block: Block, i: int, theta1: float, theta2: float) -> tuple[float, float]:
     """Return the position of lane i's sensor on the rigid arm with these joint angles [m]."""
+    settings, arena = block.settings, block.arena
     one, both = sincos(theta1), sincos(theta1 + theta2)
     distance = arena[row.SENSOR_POINT_DISTANCE, i]
     length_1 = settings[setting.LENGTHS]
@@ -143,16 +145,15 @@ def hermite(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float
     return a + u * (a_rise + u * (curve + u * twist)), (a_rise + u * (2.0 * curve + u * 3.0 * twist)) / h
 
 
-def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, node: float) -> None:
+def prepare_readings(block: Block, h: float, node: float) -> None:
     """Write the late readings for a stage at t + node h.
 
     Args:
-        arena: of one block.
-        history: readings at past steps, a ring. Shape (slots * slot_rows, lanes).
-        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        block: the block.
         h: step [s].
         node: of the stage, 0 to 1.
     """
+    arena, history, clock = block.arena, block.history, block.clock
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     if variant.law_on_sensor:

@@ -8,8 +8,9 @@ as they stand for each variant (`compiler`), and run in plain Python for reading
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Paths
+from flexarm_env.codegen.arrays import Arena, Clock
 from flexarm_env.codegen.declarations import per_lane
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
@@ -20,18 +21,17 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import chord_at
 
 
-def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
+def prepare_commands(block: Block, h: float) -> None:
     """Write each joint's command for the step at hand: position at its start, and velocity.
 
     Within a step the reference runs along its chord. Where a corner falls inside, the velocity is then its mean over
     the step, so that the jump acts on the arm at the right time, to second order in the step.
 
     Args:
-        arena: arena of one block.
-        clock: clock of each lane, see `entries.ClockRow`. Shape (5, lanes).
-        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
+        block: the block.
         h: step [s].
     """
+    arena, clock, paths = block.arena, block.clock, block.paths
     others = 0
     for i in range(variant.lanes):
         time = clock[clock_row.STEPS, i] * h - arena[row.COMMAND_DELAY, i]
@@ -71,10 +71,11 @@ def step_within_segment(arena: Arena, clock: Clock, i: int, time: float, h: floa
     return begun & together & (within + h < arena[row.COMMAND_SEGMENT + segment.END, i])
 
 
-def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
+def evaluate_law(block: Block, h: float) -> None:
     """Compute the law's torque at the present instant with the present gain, and the mechanical acceleration."""
-    prepare_commands(arena, clock, paths, h)
-    prepare_readings(arena, history, clock, h, 0.0)
+    arena = block.arena
+    prepare_commands(block, h)
+    prepare_readings(block, h, 0.0)
     law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     for r in range(2):
         for i in range(variant.lanes):
@@ -91,11 +92,12 @@ def store_stage(arena: Arena, slot: int) -> None:
             arena[row.FEEDBACK_SLOTS + at, i] = arena[row.FEEDBACK + r, i]
 
 
-def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
+def loop_step(block: Block, h: float) -> None:
     """Advance the closed loop of every lane of a block by one step."""
-    prepare_commands(arena, clock, paths, h)
+    arena, history, clock = block.arena, block.history, block.clock
+    prepare_commands(block, h)
     for stage in range(STAGES):
-        prepare_readings(arena, history, clock, h, NODES[stage])
+        prepare_readings(block, h, NODES[stage])
         law_kernel(arena, h, h * NODES[stage], EXPLICIT[stage], IMPLICIT[stage])
         if stage + 1 < STAGES:
             store_stage(arena, stage + 1)

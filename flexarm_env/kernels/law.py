@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Paths
+from flexarm_env.codegen.arrays import Arena
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import prepare_readings
 from flexarm_env.kernels.imex import prepare_commands
 from flexarm_env.kernels.layout import row
@@ -30,17 +31,14 @@ def prepare_law(arena: Arena, i: int) -> None:
     invalidate_segment(arena, row.COMMAND_SEGMENT, i)
 
 
-def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float, started: Mask) -> None:
+def start_law(block: Block, h: float) -> None:
     """Initialise the started lanes for the implicit integrator; the other lanes do not change.
 
     Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: of all lanes.
+        block: the block.
         h: step [s].
-        started: which lanes start. Shape (lanes,).
     """
+    arena, started = block.arena, block.started
     for at in range(STAGES * variant.size):  # an earlier run may have left numbers that are not finite
         for i in range(variant.lanes):
             if started[i]:
@@ -48,8 +46,8 @@ def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
                 arena[row.MECHANICAL_SLOTS + at, i] = 0.0
                 arena[row.FEEDBACK_SLOTS + at, i] = 0.0
     # as `evaluate_law`, but the other lanes keep the torques of the start of their period
-    prepare_commands(arena, clock, paths, h)
-    prepare_readings(arena, history, clock, h, 0.0)
+    prepare_commands(block, h)
+    prepare_readings(block, h, 0.0)
     law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     for r in range(variant.size):
         for i in range(variant.lanes):

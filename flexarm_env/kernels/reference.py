@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, Paths
+from flexarm_env.codegen.arrays import Arena, Clock
 from flexarm_env.codegen.declarations import per_lane
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
@@ -11,17 +12,16 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import AHEAD
 
 
-def follow_reference(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
+def follow_reference(block: Block, h: float) -> None:
     """Compute each lane's reference at the present instant.
 
     The side of the path is cached for each lane; it is searched for only where the cached side has ended.
 
     Args:
-        arena: of one block.
-        clock: of each lane.
-        paths: of all lanes, see `polyline.reference_at`. Shape (paths, n, 5).
+        block: the block.
         h: step [s].
     """
+    arena, clock, paths = block.arena, block.clock, block.paths
     turning = 0
     for i in range(variant.lanes):
         turning += segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]

@@ -24,7 +24,7 @@ from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import SQUARE, actions_for, bare, block
-from tests.support.plain import KERNELS
+from tests.support.plain import KERNELS, block_of
 
 Array = NDArray[np.float64]
 ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1, kinematics="foreshortened"))
@@ -92,7 +92,8 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
         for n in range(now + 1 - SLOTS, now + 1):
             put_state(of, arena, n * h)
             delay_line.store_reading(arena, history, n % SLOTS)
-        further_sensors.sense_further(arena, history, clock, keys, path, header, settings, who)
+        arrays = {"arena": arena, "history": history, "clock": clock, "keys": keys, "paths": path}
+        further_sensors.sense_further(block_of(**arrays, header=header, settings=settings, active=who))
         found = arena[row.FURTHER_READING : row.FURTHER_READING + 2, 0].copy()
     return found, ARM.position(state_at((now - back) * h)[:4], link, POINT[link])
 

@@ -25,7 +25,7 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
-from tests.support.plain import run_plainly
+from tests.support.plain import block_of, run_plainly
 
 LANES = 3
 ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
@@ -71,7 +71,7 @@ def test_a_cubic_comes_back_from_the_delay_line(node: float) -> None:
             for j, curve in enumerate(curves):
                 history[4 * (step % SLOTS) + j] = curve(step * STEP)
                 history[4 * (step % SLOTS) + 2 + j] = curve.deriv()(step * STEP)
-        delay_line.prepare_readings(arena, history, clock, STEP, node)
+        delay_line.prepare_readings(block_of(arena=arena, history=history, clock=clock), STEP, node)
         time = (61 + node) * STEP
         for j, curve in enumerate(curves):
             seen = arena[row.OFFSET + j] + arena[row.WEIGHT + j] * curve(time)
@@ -115,7 +115,8 @@ def test_the_sensor_says_where_it_was() -> None:
         square = np.array([[[0.0, 1.0, 2.0, 0.0, 0.0], [1.0, 1.0, 2.0, 0.0, 0.0]]])
         arena[row.REFERENCE : row.REFERENCE + 2] = [[1.0], [2.0]]
         keys, active = np.zeros(LANES, dtype=np.uint64), np.array([True, True, False])
-        sensor.sense(arena, history, clock, keys, square, header, settings, active)
+        arrays = {"arena": arena, "history": history, "clock": clock, "keys": keys, "paths": square}
+        sensor.sense(block_of(**arrays, header=header, settings=settings, active=active))
         np.testing.assert_array_equal(arena[row.SAMPLE_AGE] >= 0.0, [True, False, False])
         theta1, length = 3.0 * (now * STEP - delay), ARM.parameters.link_lengths[0]
         x = length * np.cos(theta1) + distance * np.cos(theta1 + 1.0)
@@ -163,12 +164,16 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
             [[0.0], [2.0]],
         )
         clock, paths = np.zeros((entries.CLOCK_ROWS, 2), dtype=np.int64), np.zeros((1, 2, 5))
-        write_observation.write_previews(arena, clock, paths, header, settings)
+        active = np.array([True, True])
+        block = block_of(
+            first=0, arena=arena, clock=clock, paths=paths, header=header, settings=settings, active=active
+        )
+        write_observation.write_previews(block)
         # the frame is turned by a quarter: x there is y here
         np.testing.assert_allclose(arena[tail : tail + 2], [[0.0, 0.6], [-1.0, -0.4]], atol=1e-15)
         arena[row.STATUS] = 0.0, 1.0
         observations = np.full((2, 2), 7.0, dtype=np.float32)
-        write_observation.write_observations(arena, observations, 0, header, settings, np.array([True, True]))
+        write_observation.write_observations(block, observations)
     np.testing.assert_allclose(observations, [[0.0, -10.0], [7.0, 7.0]])
 
 

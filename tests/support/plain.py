@@ -20,6 +20,7 @@ from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
+from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import word
 from flexarm_env.kernels.variants import Variant
 
@@ -87,6 +88,11 @@ _SHARED = {
 }
 # What a test does with kernels that no other test compiles: to be used with the fixture `kernels`, `indirect=True`.
 KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
+
+
+def block_of(**parts: Any) -> Block:
+    """Make a block of what a driver reads."""
+    return Block(**{**dict.fromkeys(Block._fields), **parts})
 
 
 class PlainEnvironment:
