@@ -110,6 +110,10 @@ class Kernels:
     @cached_property
     def identity(self) -> str:
         """Hash all that the kernels are made from: bytecode of drivers, recordings, constants, and this compiler."""
+        with plain_python(self.variant):
+            return self._hashed()
+
+    def _hashed(self) -> str:
         digest, seen = hashlib.sha256(_own_source()), set()
         waiting: list[Any] = list(self._entries)
         while waiting:
@@ -124,7 +128,7 @@ class Kernels:
             options = self._options(function) if isinstance(function, FunctionType) else None
             digest.update(repr((plain.__qualname__, options, plain.__defaults__)).encode())
             for code in _codes(plain.__code__):
-                constants = [one for one in code.co_consts if not isinstance(one, CodeType)]
+                constants = [one for one in code.co_consts if not isinstance(one, CodeType) and one != plain.__doc__]
                 digest.update(repr((code.co_code, constants, code.co_names, code.co_varnames)).encode())
                 for name in code.co_names:
                     value = self._chosen(plain.__globals__.get(name))
@@ -174,8 +178,7 @@ def load(variant: AnyVariant) -> Entries:
     """Return the entry points of a variant by name; they are compiled, or found on disk, when they are first called."""
     check_compiler()
     kernels = Kernels(variant)
-    with plain_python(variant):
-        name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity}"
+    name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity}"
     folder = KernelFolder(name, variant.words)
     entries: dict[str, Callable[..., Any]] = {}
     for entry in variant.program.entries(variant.lanes):

@@ -11,7 +11,6 @@ import pytest
 
 import flexarm_env
 from flexarm_env.codegen.compiler import Kernels
-from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.episode.step import TORQUE, step_only
 from flexarm_env.kernels.variants import Variant
 
@@ -22,13 +21,11 @@ PROGRAM = """
 import sys, numpy as np, flexarm_env
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen import compiler
-from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 variant = Variant(OPEN, 1, True, 1)
-with plain_python(variant):
-    print(compiler.Kernels(variant).identity)
+print(compiler.Kernels(variant).identity)
 if sys.argv[2:] != ["identity"]:
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
     run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
@@ -126,10 +123,7 @@ def test_kernels_that_different_processes_compiled_run_side_by_side(copy: Path) 
 def test_the_functions_of_each_variant_have_names_of_their_own() -> None:
     names = set()
     for modes in (1, 2):
-        variant = Variant(TORQUE, modes, True, 1)
-        kernels = Kernels(variant)
-        with plain_python(variant):
-            names.add(kernels.compiled(step_only).py_func.__qualname__)
+        names.add(Kernels(Variant(TORQUE, modes, True, 1)).compiled(step_only).py_func.__qualname__)
     assert len(names) == 2
 
 
