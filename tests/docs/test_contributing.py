@@ -1,4 +1,4 @@
-"""The recipes of CONTRIBUTING.md: each diff applies to a copy of this tree, and its check passes there."""
+"""CONTRIBUTING.md: its walk names lines of code, its recipes are diffs that apply to this tree and pass their checks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SCREEN = 60  # lines
+SCREEN, WALK = 60, 40  # lines
 
 
 class Recipe(NamedTuple):
@@ -52,6 +52,15 @@ def apply(diff: str, folder: Path) -> None:
             assert text.count(old) == 1, f"{path.name}: {place}fits in {text.count(old)} places"
             text = text.replace(old, new)
         path.write_text(text)
+
+
+def test_each_line_of_the_walk_is_in_its_file() -> None:
+    section = (ROOT / "CONTRIBUTING.md").read_text().split("\n### A walk\n")[1].split("\n## ")[0]
+    lines = re.findall(r"^\| `(.+?)` \| `(.+?)` \|", section, re.MULTILINE)
+    assert len(section.splitlines()) <= WALK
+    assert len(lines) > 10
+    for code, file in lines:
+        assert code in (ROOT / "flexarm_env" / file).read_text(), f"{file} no longer holds {code!r}"
 
 
 @pytest.mark.parametrize("recipe", recipes(), ids=lambda recipe: recipe.title)
