@@ -16,7 +16,7 @@ from scripts.benchmarks.lap import LAP, lap
 from tests.support.programs import refusal, run_study
 
 GROUPS = {"torque_driven", "closed_loop", "jacobians", "iterations"}
-GROUPS |= {"environment", "first_step", "lap", "batch", "learning"}
+GROUPS |= {"environment", "first_step", "lap", "batch", "learning", "sensors", "threads"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
 run = partial(run_study, "benchmarks")
 
