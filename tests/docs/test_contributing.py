@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md: its walk names lines of code, its recipes are diffs that apply to this tree and pass their checks."""
+"""CONTRIBUTING.md: its walk names lines of code; its recipes are diffs that apply here and pass their checks."""
 
 from __future__ import annotations
 
