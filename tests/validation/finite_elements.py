@@ -2,7 +2,7 @@
 
 Every node of a link moves along x and y and turns. That elements keep their length, that the links meet at the elbow,
 and that joints are locked are linear conditions; the motions that they allow are the null space of all of them. The
-path from parameters to frequencies shares nothing with the package's equations nor with `exact_beams`.
+path from parameters to frequencies shares nothing with the package's equations nor with `tests.validation.beams`.
 """
 
 from __future__ import annotations
