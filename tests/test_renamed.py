@@ -1,10 +1,11 @@
-"""Old names of modules: they import the new modules' contents, with a warning."""
+"""Old names: modules import the new ones with a warning, removed names say what is there in their place."""
 
 import sys
 from importlib import import_module
 
 import pytest
 
+import flexarm_env
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_env.renamed import _RenamedModules
 
@@ -27,3 +28,11 @@ def test_the_warning_is_at_the_line_that_imports() -> None:
         from flexarm_baselines.ifdc import IFDC as OLD
     assert OLD is IFDC
     assert found[0].filename == __file__
+
+
+@pytest.mark.parametrize("name", ["ClosedLoop", "LoopCase", "square_loop"])
+def test_a_removed_name_says_what_is_there_in_its_place(name: str) -> None:
+    with pytest.raises(ImportError, match=rf"flexarm_env\.{name} is removed: .*make_vec"):
+        getattr(flexarm_env, name)
+    with pytest.raises(AttributeError, match="no attribute 'Closedloop'"):
+        flexarm_env.Closedloop  # noqa: B018

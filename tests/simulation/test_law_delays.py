@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_env import SensorParameters
-from tests.support.loops import END_EFFECTOR, PER_JOINT, SHARED, simulated
+from tests.support.loops import END_EFFECTOR, PER_JOINT, SHARED, loop_of, simulated
 from tests.support.oracle import PAPER, Problem
 
 pytestmark = pytest.mark.compiled
@@ -68,3 +68,13 @@ def test_noise_is_held_over_a_period_and_delayed_by_nothing() -> None:
     moved = simulated(replace(resting, rest_at=-6.3 - 6.3j - complex(*offset)))
     np.testing.assert_allclose(noisy, moved, atol=1e-9)
     assert np.abs(noisy - simulated(resting)).max() > 1e-3
+
+
+def test_a_new_episode_forgets_one_that_diverged() -> None:
+    """The law's kernels keep numbers of earlier stages, which are then not finite."""
+    problem = Problem(sensor=END_EFFECTOR)
+    loop = loop_of(problem)
+    fresh = [loop.begin(problem.start_state()), *(loop.advance(1.0) for _ in range(5))]
+    loop.advance(1e300)
+    assert not np.isfinite(loop.advance(1e300)).all()
+    np.testing.assert_array_equal([loop.begin(problem.start_state()), *(loop.advance(1.0) for _ in range(5))], fresh)
