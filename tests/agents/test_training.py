@@ -151,6 +151,7 @@ def test_a_signal_keeps_every_step(
     stopped = signalled(monkeypatch, tmp_path / "run", number, steps)
     assert (stopped.signal, stopped.steps) == (number, kept)
     assert isinstance(stopped, KeyboardInterrupt)
+    assert read_checkpoint(tmp_path / "run" / "checkpoint.zip", PPOConfig(**{**TINY, "checkpoint_every": 10_000}))
     assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
     train(PPOConfig(**{**TINY, "checkpoint_every": 10_000}), tmp_path / "run", resume=True)
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")

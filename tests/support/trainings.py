@@ -29,7 +29,7 @@ _READINGS = ("joint_angles", "joint_rates", "sensed_position", "reference_positi
 TINIES: dict[str, dict[str, Any]] = {
     "recurrent_ppo": {**TINY, "algorithm": "recurrent_ppo", "lstm": 8},
     "sac": {**_ALIKE, **_OFF_POLICY, "algorithm": "sac"},
-    "tqc": {**_ALIKE, **_OFF_POLICY, "algorithm": "tqc", "quantiles": 5},
+    "tqc": {**_ALIKE, **_OFF_POLICY, "algorithm": "tqc", "quantiles": 5, "learning_starts": 300},
     "lags": {**TINY, "lags": [1, 3]},
     "observer": {
         **TINY,
