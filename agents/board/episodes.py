@@ -191,7 +191,7 @@ def _run(
 
     Args:
         env: the batch, a vector environment.
-        view: the same, with what a FlexArm environment tells of itself.
+        view: the same, with the attributes of a FlexArm environment.
         nominal: environment that the policy was made for.
         episodes: one for each environment.
         calls: they cover the batch.

@@ -30,7 +30,7 @@ class FOPGConfig(RunConfig):
     curriculum_options: dict[str, Any] = declared({"start": "corners"}, Custom(mapping))
     """Options in which the training's environments differ from the environment of the score, e.g. the start."""
     rounds: int = setting(12, integer, least=1)
-    """Of the policy in the end; each one ends with an evaluation and a checkpoint."""
+    """Rounds of the final policy's training; each one ends with an evaluation and a checkpoint."""
     candidates: int = setting(3, integer, least=1)
     """Untrained policies with which the training begins; after `trial_rounds` of each the best one goes on."""
     trial_rounds: int = setting(4, integer, least=1)
@@ -50,7 +50,7 @@ class FOPGConfig(RunConfig):
     critic_epochs: int = setting(2, integer, least=0)
     """Passes of the critic through a window, whose end it values; 0: no critic, plain backpropagation."""
     critic_batch: int = setting(512, integer, least=1)
-    """Samples in a step of it."""
+    """Samples in a step of the critic's optimiser."""
     critic_lambda: float = setting(0.95, number, least=0.0, most=1.0)
     """Smoothing of the critic's targets."""
     critic_averaging: float = setting(0.7, number, least=0.0, most=1.0)
@@ -58,19 +58,19 @@ class FOPGConfig(RunConfig):
     critic_observation: tuple[str, ...] = setting(("modal_coordinates", "modal_rates"), _blocks)
     """Blocks that the critic sees beside the policy's observation; they are needed in the training alone."""
     learning_rate: float = setting(3e-3, number, above=0.0, most=1.0)
-    """At the beginning, of policy and critic; it falls linearly to 0."""
+    """Learning rate of policy and critic at the beginning; it falls linearly to 0."""
     gradient_limit: float = setting(1.0, number, above=0.0)
     """Largest norm of a gradient; longer ones are shortened."""
     error_knee: float = setting(0.3, number, unit="m", above=0.0)
     """Distance of the tip from the reference below which its cost is a square, above which it grows linearly [m]."""
     change_weight: float = setting(0.02, number, unit="m", least=0.0)
-    """Of the squared change of the actions from one period to the next [m]."""
+    """Weight of the squared change of the actions from one period to the next [m]."""
     excess_weight: float = setting(0.1, number, unit="m", least=0.0)
-    """Of the squared excess of what the network wants over the largest action [m]."""
+    """Weight of the squared excess of the network's output over the largest action [m]."""
     deflection_share: float = setting(0.8, number, least=0.0, most=1.0)
-    """Of the deflection at which an episode ends; larger ones cost [1]."""
+    """Share of the deflection at which an episode ends; larger deflections cost [1]."""
     deflection_weight: float = setting(10.0, number, unit="m", least=0.0)
-    """Of the squared excess over it, as a share of the limit [m]."""
+    """Weight of the squared excess over this deflection, as a share of the limit [m]."""
 
     def __post_init__(self) -> None:
         """Validate, each field and what they are together.

@@ -34,11 +34,11 @@ NEEDED: dict[str, Any] = {
     "actuation_delay": 0.0,
     **{f"{sensor.name}_link": None for sensor in FURTHER},
 }
-NUMBERS = 8  # of which features depend: two joint angles, two rates, the reading, the reading before
+NUMBERS = 8  # on which features depend: two joint angles, two rates, the reading, the reading before
 
 
 class Seen(NamedTuple):
-    """Of what observations are made, at some instants.
+    """Inputs of an observation that depend on the arm and its sensors, at some instants.
 
     Attributes:
         states: of the arms. Shape (..., 4 + 4 m).
@@ -54,7 +54,7 @@ class Seen(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Of what observations are made beside it: the task alone decides these, and they are in the world's frame.
+    """Inputs of an observation that depend on the task alone, in the world's frame.
 
     Attributes:
         reference: position [m] and velocity [m/s]. Shape (..., 4).

@@ -38,9 +38,9 @@ class DAggerConfig(RunConfig):
     updates: int = setting(1000, integer, least=1)
     """Steps of the optimiser in a round."""
     batch: int = setting(1024, integer, least=1)
-    """Samples in such a step."""
+    """Samples in a step of the optimiser."""
     learning_rate: float = setting(2e-3, number, above=0.0, most=1.0)
-    """At the beginning; it falls to 0 as half a cosine."""
+    """Learning rate at the beginning; it falls to 0 as half a cosine."""
     averaging: float = setting(0.998, number, least=0.0, most=1.0)
     """The student is the average of the network's weights, which forgets by this factor in each update."""
     teacher_share: float = setting(0.2, number, least=0.0, most=1.0)
@@ -52,9 +52,9 @@ class DAggerConfig(RunConfig):
     lags: tuple[int, ...] = setting((), checked_increasing, least=1, most=LONGEST_LAG)
     """Ages of the past readings that the student sees [control periods]; none: it sees the present ones only."""
     change_weight: float = setting(0.1, number, unit="m^2", least=0.0)
-    """Of the teacher's plans: on changes of the torques [m^2], see `TrackingProblem`."""
+    """Weight of changes of the torques in the teacher's plans [m^2], see `TrackingProblem`."""
     deflection_limit: float = setting(1.4, number, unit="m", above=0.0)
-    """Of the teacher's plans: deflections of the links' tips beyond which they cost much [m]."""
+    """Deflection of a link's tip above which the cost in the teacher's plans rises steeply [m]."""
     plants: tuple[int, int] = setting((3, 3), _counts)
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
     plans: str | None = setting(None, optional, check=_path, kept=False)

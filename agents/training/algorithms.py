@@ -47,13 +47,13 @@ class RewardConfig(RunConfig):
     gamma: float = setting(_TUNED, number, "gamma", least=0.0, most=1.0)
     """Discount of a step."""
     learning_rate: float = setting(_TUNED, number, "learning_rate", above=0.0, most=1.0)
-    """At the beginning; it falls linearly."""
+    """Learning rate at the beginning; it falls linearly."""
     final_learning_rate: float = setting(2e-5, number, least=0.0)
-    """At the end."""
+    """Learning rate at the end."""
     hidden: tuple[int, ...] = setting(_TUNED, layers, "policy_kwargs.net_arch")
     """Sizes of the hidden layers, of the policy and of the value each."""
     activation: Activation = setting(_TUNED, choice, "policy_kwargs.activation_fn", allowed=ACTIVATIONS)
-    """Between the layers."""
+    """Activation function between the layers."""
     curriculum_options: dict[str, Any] = setting(_TUNED, mapping)
     """Options in which the training's environments differ from the environment of the score, e.g. a slower lap."""
     curriculum_steps: int | None = setting(None, optional, check=integer, least=1)
@@ -145,7 +145,7 @@ class PPOConfig(_OnPolicyConfig):
     value_steps: int = setting(0, integer, least=0)
     """After `initial_policy`: steps at the beginning in which the value learns alone, whole rollouts of them."""
     value_learning_rate: float = setting(1e-3, number, above=0.0, most=1.0)
-    """In these steps; they have no part in the fall of `learning_rate`."""
+    """Learning rate in these steps, which do not count in the fall of `learning_rate`."""
 
     def __post_init__(self) -> None:
         """Validate; see `RewardConfig`."""
@@ -222,9 +222,9 @@ class TQCConfig(SACConfig):
     kind: ClassVar[str] = "sb3_contrib:TQC"
 
     quantiles: int = setting(_TUNED, integer, "policy_kwargs.n_quantiles", least=1)
-    """Of each critic."""
+    """Number of quantiles of each critic."""
     dropped_quantiles: int = setting(_TUNED, integer, "top_quantiles_to_drop_per_net", least=0)
-    """How many of the largest quantiles do not count."""
+    """Number of the largest quantiles that are dropped."""
 
     def __post_init__(self) -> None:
         """Validate; see `RewardConfig`."""

@@ -77,9 +77,9 @@ class RunConfig:
     hidden: tuple[int, ...] = setting((128, 128), layers)
     """Sizes of the hidden layers, of each network."""
     activation: Activation = declared("elu", OneOf(tuple(ACTIVATIONS)))
-    """Between the layers."""
+    """Activation function between the layers."""
     learning_rate: float = setting(2e-3, number, above=0.0, most=1.0)
-    """At the beginning."""
+    """Learning rate at the beginning."""
     evaluation_laps: int = setting(1, integer, least=1)
     """Number of evaluations of each of the two standard laps; more than one where episodes differ."""
 

@@ -18,7 +18,7 @@ from flexarm_env.validation import number
 
 @dataclass(frozen=True)
 class IFDC(GainPolicy):
-    """A constant gain.
+    """The paper's law at a constant gain.
 
     Attributes:
         gain: lambda, dimensionless, in [0, gain_limit].

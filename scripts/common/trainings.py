@@ -1,4 +1,4 @@
-"""Trainings as jobs: begun, gone on with, or taken over where they are finished; wherever they run."""
+"""Trainings as jobs of any executor: each is started, resumed, or reused where it is finished."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Training(NamedTuple):
 
 
 def trained(config: RunConfig, folder: Path) -> Training:
-    """Train, go on with an interrupted training, or take a finished one over.
+    """Train, resume an interrupted training, or reuse a finished one.
 
     Args:
         config: the configuration.
