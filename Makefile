@@ -92,7 +92,7 @@ learning: $(HAS)-plot  ## Show what learning gives beside classical laws: tables
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs
 	$(VENV)/bin/flexarm evaluate $(ARGS)
 
-leaderboard: $(HAS)-board  ## Measure every controller and agent on every axis; a row of your own: docs/submit.md
+leaderboard: $(HAS)-board  ## Measure every controller and agent on every axis; an entry of your own: docs/submit.md
 	$(PY) -m scripts.leaderboard $(ARGS)
 
 bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside their peers

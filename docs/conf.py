@@ -83,7 +83,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the signature has them
 autodoc_typehints_format = "short"
 # The site is built without them: what needs them is documented by its own text.
-autodoc_mock_imports = ["mujoco", "pygame", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm"]
+autodoc_mock_imports = ["mujoco", "pygame", "stable_baselines3", "tensorboard", "torch", "tqdm"]
 default_role = "code"
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True

@@ -51,7 +51,7 @@ class Options:
     seed: int = 0
     """Seed of the first episode; the next ones have the next seeds."""
     folder: Path = Path("results/datasets")
-    """For the data sets and a summary; data sets of the same names are replaced."""
+    """Folder for the data sets and a summary; data sets of the same names are replaced."""
 
 
 class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -40,7 +40,7 @@ def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Seq
         ValueError: for an unknown name, or an entry that there cannot be.
     """
     entries, own = all_entries(added), [entry.name for entry in all_entries(())]
-    for what, given in (("rows", names), ("without", without)):
+    for what, given in (("entries", names), ("without", without)):
         for name in given:
             choice(what, name, tuple(entry.name for entry in entries))
     wanted = [entry for entry in entries if not names or entry.name in names or entry.name not in own]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import sys
 import textwrap
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -36,10 +37,16 @@ EXAMPLES = {
     "replay": ("flexarm replay lap.npz", "flexarm replay lap.npz --speed 0.25 --output slow.gif --size 400"),
     "play": ("flexarm play", "flexarm play --arm paper --delay 60 --gain 0.5"),
     "leaderboard": (
-        "flexarm leaderboard --rows ifdc joint_pd --columns nominal delay",
-        "flexarm leaderboard --rows ifdc --add my_module:MyPolicy",
+        "flexarm leaderboard --entries ifdc joint_pd --columns nominal delay",
+        "flexarm leaderboard --entries ifdc --add my_module:MyPolicy",
     ),
     "warm-up": ("flexarm warm-up Square-v0 --num-envs 64",),
+}
+# Options of the last release, and their names now.
+OLD_OPTIONS = {
+    "--lesson-options": "--curriculum-options",
+    "--lesson-steps": "--curriculum-steps",
+    "--rows": "--entries",
 }
 STATUS = "exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 128 + its number after a signal"
 
@@ -83,13 +90,24 @@ class Reader(argparse.ArgumentParser):
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """See `argparse.ArgumentParser.parse_args`; the message about an unknown option names a similar one."""
-        given, unknown = self.parse_known_args(args, namespace)
+        present = map(_present, sys.argv[1:] if args is None else args)
+        given, unknown = self.parse_known_args(list(present), namespace)
         if unknown:
             options = [option for one in self.declared for option in one.option_strings]
             similar = [option for one in unknown for option in get_close_matches(one, options, 1)]
             hint = f"; did you mean {', '.join(similar)}?" if similar else ""
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return given
+
+
+def _present(argument: str) -> str:
+    """Replace an option of the last release, with a warning on stderr."""
+    name, equals, value = argument.partition("=")
+    if name not in OLD_OPTIONS:
+        return argument
+    now = OLD_OPTIONS[name]
+    print(f"{name} is now {now}; the old name goes with the next release", file=sys.stderr)
+    return f"{now}{equals}{value}"
 
 
 def of_verb(verb: str, description: str) -> Reader:

@@ -148,7 +148,7 @@ def parser() -> Reader:
     reader.add_argument(
         "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
     )
-    reader.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
+    reader.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the first lap of each kind; 0")
     add_environment(reader, ENVIRONMENT)
     own = "run trained policies in the environments that they were trained in, each with a table of its own"
     reader.add_argument("--own", action="store_true", help=own)

@@ -30,7 +30,7 @@ algebra or an agent takes minutes for all columns, a predictive controller most 
 def parser() -> Reader:
     """Return the parser of the arguments."""
     reader = of_verb("leaderboard", DESCRIPTION)
-    reader.add_argument("--rows", nargs="+", default=(), metavar="ENTRY", help="names of entries; without it, all")
+    reader.add_argument("--entries", nargs="+", default=(), metavar="ENTRY", help="names of entries; without it, all")
     columns = "names of columns; without it, all"
     reader.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
     added = (
@@ -57,7 +57,7 @@ def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], li
     Returns:
         The chosen entries, the board, and the cells that could not be computed.
     """
-    entries = chosen_entries(given.rows, given.without, given.add)
+    entries = chosen_entries(given.entries, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:
         print(left_out, file=sys.stderr)

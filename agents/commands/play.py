@@ -23,11 +23,11 @@ def parser() -> Reader:
     reader = of_verb("play", DESCRIPTION)
     start = Knobs()
     reader.add_argument("--arm", choices=tuple(PRESETS), default="paper", help="arm; paper")
-    delay = f"of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
+    delay = f"delay of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
     reader.add_argument("--delay", type=float, default=1e3 * start.delay, metavar="MS", help=delay)
-    place = f"of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"
+    place = f"distance of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"
     reader.add_argument("--place", type=float, default=start.place, metavar="M", help=place)
-    gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
+    gain = f"gain of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
     reader.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
     return reader
 

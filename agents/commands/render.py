@@ -32,7 +32,7 @@ def parser() -> Reader:
     reader.add_argument("policy", metavar="POLICY", help=POLICY)
     lap = f"standard lap, {' or '.join(LAPS)}, or {OWN}: a start that the environment draws; swing"
     reader.add_argument("--lap", choices=(*LAPS, OWN), default="swing", help=lap)
-    reader.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random; 0")
+    reader.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the episode; 0")
     reader.add_argument("--save", type=Path, metavar="FILE", help="keep the run in this npz file")
     add_environment(reader, f"{ENVIRONMENT}, and for trainings that which they were trained in")
     add_film(reader)

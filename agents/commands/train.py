@@ -19,13 +19,10 @@ DESCRIPTION = """\
 Train an agent: by reward with PPO, RecurrentPPO, SAC or TQC, by a teacher that follows the best known plans with DAgger
 (dagger), or by first-order policy gradients, which run back through arm and sensor (fopg). The help shows the options
 of one algorithm: `flexarm train --algorithm sac --help`."""
-# Options of the last release, and their names now.
-OLD_OPTIONS = {"--lesson-options": "--curriculum-options", "--lesson-steps": "--curriculum-steps"}
 
 
 def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
-    arguments = [_present(one) for one in arguments]
     named = _named(arguments)
     reader = parser(named.algorithm, named.environment)
     given = reader.parse_args(arguments)
@@ -77,16 +74,6 @@ def _named(arguments: Sequence[str]) -> argparse.Namespace:
     for name, usual in (("algorithm", "ppo"), ("environment", RunConfig.environment)):
         first.add_argument(f"--{name}", default=usual)
     return first.parse_known_args(list(arguments))[0]
-
-
-def _present(argument: str) -> str:
-    """Replace an option of the last release, with a warning on stderr."""
-    name, equals, value = argument.partition("=")
-    if name not in OLD_OPTIONS:
-        return argument
-    now = OLD_OPTIONS[name]
-    print(f"{name} is now {now}; the old name goes with the next release", file=sys.stderr)
-    return f"{now}{equals}{value}"
 
 
 def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:

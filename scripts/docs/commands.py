@@ -19,7 +19,7 @@ from scripts.common.study import usual
 from scripts.control import __main__ as control
 from scripts.learning import __main__ as learning
 
-STUDIES = ("paper", "optimise", "benchmarks", "make_dataset")
+STUDIES = ("paper", "optimise", "benchmarks", "shipped", "make_dataset")
 
 
 def text() -> str:

@@ -71,8 +71,8 @@ def check(given: argparse.Namespace) -> None:
     """
     if not given.docs:
         return
-    if given.rows or tuple(given.columns) != tuple(COLUMNS):
-        raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
+    if given.entries or tuple(given.columns) != tuple(COLUMNS):
+        raise ValueError("docs = True: the page shows the whole board; must go without entries and columns")
     if left_out := measurable(COLUMNS)[1]:
         raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
     if not (given.times or (given.output / TIMES).is_file()):
@@ -83,7 +83,7 @@ def parser() -> argparse.ArgumentParser:
     """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
     made = leaderboard.parser()
     made.prog = "python -m scripts.leaderboard"
-    made.add_argument("--times", action="store_true", help="time each row on an idle machine; else the last times stay")
+    made.add_argument("--times", action="store_true", help="time each entry on an idle machine; else the last times stay")
     made.add_argument("--docs", action="store_true", help=f"bring docs/{PAGE}, its JSON and its pictures up to date")
     only = f"make only the tables and the pictures of axes anew, from docs/{DATA}"
     made.add_argument("--no-measure", action="store_true", help=only)
@@ -101,15 +101,15 @@ def main() -> None:
         present(given.output / "presented")
         return
     check(given)
-    rows, results, failed = leaderboard.measured(given)
+    entries, results, failed = leaderboard.measured(given)
     if given.times:
-        with tqdm(total=len(rows), unit="row", desc="timing") as bar:
-            found = times(rows, bar.update)
+        with tqdm(total=len(entries), unit="entry", desc="timing") as bar:
+            found = times(entries, bar.update)
         write_json(given.output / TIMES, found)
         put(given.output / "times.md", lambda aside: aside.write_text(times_table(found)))
     draw(results, given.output / "figures")
     print(tables(results).get("ranking", ""), end="")
-    print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
+    print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries")
     check_failures(failed, given.output, INCOMPLETE)
     if given.docs:
         update_docs(given.output)

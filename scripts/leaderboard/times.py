@@ -20,22 +20,22 @@ LAP = "plain"
 FIRST = 10  # control periods that do not count: something may be made at the first call
 
 
-def times(rows: Sequence[Entry], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
+def times(entries: Sequence[Entry], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
     """Time a lap of each entry, one observation at a time, in this process.
 
     Args:
-        rows: who is timed.
-        tick: called after each row.
+        entries: the policies that are timed.
+        tick: called after each entry.
 
     Returns:
-        For each row "median" and "p99" of the processor time from an observation to the action [ms].
+        For each entry "median" and "p99" of the processor time from an observation to the action [ms].
     """
     found = {}
-    for row in rows:
-        candidate = row.candidate(fresh=True)
+    for entry in entries:
+        candidate = entry.candidate(fresh=True)
         taken = period_times(candidate.env, candidate.policy)
         candidate.env.close()
-        found[row.name] = {"median": float(np.median(taken)), "p99": float(np.percentile(taken, 99.0))}
+        found[entry.name] = {"median": float(np.median(taken)), "p99": float(np.percentile(taken, 99.0))}
         tick()
     return found
 

@@ -92,7 +92,7 @@ def _training(folder: Path, printed: str) -> Any:
 
 
 def _board(folder: Path) -> list[str]:
-    rows = "--rows ifdc joint_pd --columns nominal --jobs 2"
+    rows = "--entries ifdc joint_pd --columns nominal --jobs 2"
     return ["-m", "scripts.leaderboard", *rows.split(), "--output", str(folder)]
 
 

@@ -97,7 +97,7 @@ def test_a_plain_install_imports_by_all_names(installed: Path, tmp_path: Path) -
         (("evaluate", "--policy", "square"), ("square: swing lap: ",)),
         (("evaluate", "--policy", "plan_lqr"), ("plan_lqr: swing lap: ",)),
         (("render", "joint_pd", "--lap", "plain", "--output", "lap.png"), ("plain lap, complete", "lap.png: written")),
-        (("leaderboard", "--rows", "joint_pd", "--columns", "nominal", "--jobs", "1"), ("1 of 1 entries",)),
+        (("leaderboard", "--entries", "joint_pd", "--columns", "nominal", "--jobs", "1"), ("1 of 1 entries",)),
     ],
     ids=lambda value: " ".join(value),
 )

@@ -101,9 +101,9 @@ def test_a_row_may_be_a_file(tmp_path: Path) -> None:
 
 def test_the_page_shows_the_whole_board(tmp_path: Path) -> None:
     read = study.parser().parse_args
-    study.check(read(["--rows", "lqg"]))
+    study.check(read(["--entries", "lqg"]))
     study.check(read(["--docs", "--times"]))
-    with refuses(ValueError, "docs = True", "must go without rows and columns"):
+    with refuses(ValueError, "docs = True", "must go without entries and columns"):
         study.check(read(["--docs", "--times", "--columns", "nominal"]))
     with refuses(ValueError, "docs = True", "must go with times"):
         study.check(read(["--docs", "--output", str(tmp_path)]))

@@ -21,20 +21,21 @@ def test_the_verb_measures_what_it_is_asked_for(
     monkeypatch.setattr(measuring, "all_entries", lambda added: ROWS)
     monkeypatch.setattr(measuring, "COLUMNS", TINY)
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
-    verb.run(["--rows", "agent", "--columns", "payload", "--output", str(tmp_path)])
+    verb.run(["--entries", "agent", "--columns", "payload", "--output", str(tmp_path)])
     assert capsys.readouterr().out.endswith("1 of 1 entries; tables beside it\n")
     board = json.loads((tmp_path / measuring.DATA).read_text())
     assert [row["name"] for row in board["rows"]] == ["agent"]
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
     with pytest.raises(OSError, match="1 failed, see above; their entries lack cells"):
-        verb.run(["--rows", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
+        verb.run(["--entries", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
     assert "again: OSError: killed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--rows", "nobody"), "rows = 'nobody': must be one of 'ifdc'"),
+        (("--rows", "nobody"), "entries = 'nobody': must be one of 'ifdc'"),
+        (("--entries", "nobody"), "entries = 'nobody': must be one of 'ifdc'"),
         (("--columns", "colour"), "columns = 'colour': must be one of 'nominal'"),
         (("--jobs", "0"), "jobs = 0: must be an integer >= 1"),
         (("--without", "nobody"), "without = 'nobody'"),
@@ -64,5 +65,5 @@ def test_the_chain_is_left_out_where_its_engine_is_absent(
     assert told.startswith("nominal: without the chain, for which mujoco is not installed; run ")
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
     with pytest.raises(OSError, match="failed"):
-        verb.run(["--rows", "joint_pd", "--columns", "nominal", "--output", str(tmp_path)])
+        verb.run(["--entries", "joint_pd", "--columns", "nominal", "--output", str(tmp_path)])
     assert told in capsys.readouterr().err
