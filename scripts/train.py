@@ -1,7 +1,7 @@
 """Train many agents, every setting of a file with every seed: `python -m scripts.train --seeds 0-9 --sweep FILE`.
 
 A sweep is a JSON object of lists, {"learning_rate": [1e-3, 2e-3], "envs": [32, 64]}, whose combinations are trained.
-Finished trainings are taken over, interrupted ones go on.
+Finished trainings are reused, interrupted ones are resumed.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def parser() -> Reader:
     reader.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
     reader.add_argument("--without", nargs="+", default=(), metavar="ENTRY", help="names of entries to leave out")
     output = Path("results/leaderboard")
-    reader.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
+    reader.add_argument("--output", type=Path, default=output, help=f"folder, whose cells are reused; {output}")
     reader.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
     reader.add_argument(
         "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"

@@ -38,7 +38,8 @@ def add_film(parser: argparse.ArgumentParser) -> None:
     output = f"write this file ({', '.join(SUFFIXES)}; moving ones need the extra `video`) in place of a window"
     parser.add_argument("--output", type=Path, metavar="FILE", help=output)
     parser.add_argument("--fps", type=int, default=25, metavar="N", help="pictures a second; 25")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="speed of the motion; 0.25 is four times slower; 1")
+    speed = "speed of the motion; 0.25 is four times slower; 1"
+    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help=speed)
     parser.add_argument("--size", type=int, default=600, metavar="N", help="side of a picture [px]; 600")
     parser.add_argument("--time", type=float, metavar="S", help="moment that a .png shows [s]; the last one")
 

@@ -83,7 +83,8 @@ def parser() -> argparse.ArgumentParser:
     """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
     made = leaderboard.parser()
     made.prog = "python -m scripts.leaderboard"
-    made.add_argument("--times", action="store_true", help="time each entry on an idle machine; else the last times stay")
+    timed = "time each entry on an idle machine; else the last times stay"
+    made.add_argument("--times", action="store_true", help=timed)
     made.add_argument("--docs", action="store_true", help=f"bring docs/{PAGE}, its JSON and its pictures up to date")
     only = f"make only the tables and the pictures of axes anew, from docs/{DATA}"
     made.add_argument("--no-measure", action="store_true", help=only)

@@ -42,7 +42,7 @@ class Options:
     """Find the best known laps."""
 
     output: Path = Path("results/optimise")
-    """Folder for the results; what is there with the same settings is taken over."""
+    """Folder for the results; what is there with the same settings is reused."""
     arms: tuple[str, ...] = ("default", "linear")
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")

@@ -1,6 +1,6 @@
 """Train the shipped agents anew with several seeds each, ship the median ones, and write their cards and tables.
 
-Interrupted trainings go on when the command is given again, and finished ones are taken over.
+When the command is given again, interrupted trainings are resumed and finished ones reused.
 """
 
 from __future__ import annotations

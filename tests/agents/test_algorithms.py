@@ -23,8 +23,8 @@ from flexarm_agents.training.reward import TrainingCallback
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
 
-ENCODERS = {"recurrent_ppo": Lstm, "recurrent lessons": Lstm, "observer": Observer, "lags": PastReadings}
-SQUASHED = ("sac", "sac lessons", "tqc")
+ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
+SQUASHED = ("sac", "sac curriculum", "tqc")
 
 
 class Interrupted(Exception):  # noqa: N818

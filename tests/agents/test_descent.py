@@ -52,13 +52,13 @@ class Chain:
     periods, arms = 18, 4
 
     def __init__(self, **options: Any) -> None:
-        given, lessons = {**OPTIONS, **options}, {"start": "moving"}
+        given, curriculum = {**OPTIONS, **options}, {"start": "moving"}
         self.config = FOPGConfig(
             horizon=self.periods,
             arms=self.arms,
             episode_steps=13,
             options=given,
-            curriculum_options=lessons,
+            curriculum_options=curriculum,
             deflection_share=0.01,
         )
         self.env = make_batch(ID, self.arms, self.config.batch_options)
@@ -169,11 +169,11 @@ def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options:
 
 
 @pytest.mark.parametrize(
-    ("lessons", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "curriculum_options = ")]
+    ("curriculum", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "curriculum_options = ")]
 )
-def test_lessons_are_checked_before_anything_is_written(tmp_path: Path, lessons: dict[str, Any], words: str) -> None:
+def test_a_curriculum_is_checked_before_anything_is_written(tmp_path: Path, curriculum: dict[str, Any], words: str) -> None:
     with refuses(ValueError, words):
-        train(FOPGConfig(curriculum_options=lessons), tmp_path / "run")
+        train(FOPGConfig(curriculum_options=curriculum), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 

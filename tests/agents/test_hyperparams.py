@@ -51,7 +51,7 @@ def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
 
 
 def test_the_files_are_the_only_source() -> None:
-    """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id, no lessons."""
+    """`flexarm train` has what the file has; an id that the file lacks has those of the first id, no curriculum."""
     config = config_of()
     assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 512)
     assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
@@ -62,8 +62,8 @@ def test_the_files_are_the_only_source() -> None:
     assert config_of(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
 
 
-def test_lessons_leave_what_the_options_say() -> None:
-    """Tuned starts hold unless the options speak of starts; what a file of before lessons holds had none."""
+def test_a_curriculum_leaves_what_the_options_say() -> None:
+    """Tuned starts hold unless the options speak of starts; a file from before there were curricula has none."""
     assert config_of().curriculum_options == {"start": "corners"}
     assert config_of(options={"noise": 0.001}).curriculum_options == {"start": "corners"}
     for options in ({"start": "moving"}, {"start_spread": [0.2, 0.2]}):

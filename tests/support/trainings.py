@@ -36,15 +36,15 @@ TINIES: dict[str, dict[str, Any]] = {
         "observer": "nominal",
         "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
     },
-    "lessons": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
-    "recurrent lessons": {
+    "curriculum": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
+    "recurrent curriculum": {
         **TINY,
         "algorithm": "recurrent_ppo",
         "lstm": 8,
         "curriculum_options": {"start": "moving"},
         "curriculum_steps": 450,
     },
-    "sac lessons": {
+    "sac curriculum": {
         **_ALIKE,
         **_OFF_POLICY,
         "algorithm": "sac",

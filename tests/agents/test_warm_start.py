@@ -1,4 +1,4 @@
-"""What trainings begin with: the network of a policy, and lessons that end."""
+"""Warm starts: the network of a policy, and a curriculum that ends."""
 
 from __future__ import annotations
 
@@ -106,13 +106,13 @@ def test_a_policy_of_another_kind(tmp_path: Path) -> None:
         train(config_of(**{**TINY, "initial_policy": str(tmp_path / "sac")}), tmp_path / "run")
 
 
-def test_lessons_end() -> None:
-    """Episodes begin anew, without the lessons' options; what is observed has the same space."""
-    config = config_of(**TINIES["lessons"])
+def test_a_curriculum_ends() -> None:
+    """Episodes begin anew, without the curriculum's options; the observation space stays."""
+    config = config_of(**TINIES["curriculum"])
     model = new_model(config)
-    lessons = model.get_env()
-    assert lessons is not None
-    batch = lessons.unwrapped
+    before = model.get_env()
+    assert before is not None
+    batch = before.unwrapped
     assert isinstance(batch, FlexArmVecEnv)
     assert (batch.env.settings.lap_time, batch.env.settings.deflection_limit) == (32.0, None)
     model.learn(128)
@@ -122,11 +122,11 @@ def test_lessons_end() -> None:
     judged = after.unwrapped
     assert isinstance(judged, FlexArmVecEnv)
     assert (judged.env.settings.lap_time, judged.env.settings.deflection_limit) == (16.0, 1.5)
-    assert after.observation_space == lessons.observation_space == judged.env.single_observation_space
+    assert after.observation_space == before.observation_space == judged.env.single_observation_space
     model.learn(256, reset_num_timesteps=False)
 
 
-def test_lessons_with_another_observation(tmp_path: Path) -> None:
+def test_a_curriculum_with_another_observation(tmp_path: Path) -> None:
     for options in ({"last_actions": 2}, {"scaled": False}, {"torque_limit": [100.0, 50.0]}):
         config = config_of(**{**TINY, "curriculum_options": options})
         with pytest.raises(ValueError, match=r"curriculum_options = .*: must leave observation and action"):
