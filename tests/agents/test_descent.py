@@ -171,7 +171,7 @@ def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options:
 @pytest.mark.parametrize(
     ("curriculum", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "curriculum_options = ")]
 )
-def test_a_curriculum_is_checked_before_anything_is_written(tmp_path: Path, curriculum: dict[str, Any], words: str) -> None:
+def test_a_curriculum_is_checked_at_once(tmp_path: Path, curriculum: dict[str, Any], words: str) -> None:
     with refuses(ValueError, words):
         train(FOPGConfig(curriculum_options=curriculum), tmp_path / "run")
     assert not (tmp_path / "run").exists()
