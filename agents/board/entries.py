@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -64,14 +64,7 @@ class Entry:
 
     def plain(self) -> dict[str, Any]:
         """Return plain values, of which `Entry(**values)` makes the entry again."""
-        return {
-            "source": self.source,
-            "name": self.name,
-            "environment": self.environment,
-            "options": dict(self.options),
-            "algorithm": self.algorithm,
-            "vec_normalize": self.vec_normalize,
-        }
+        return asdict(self)
 
     @property
     def interface(self) -> dict[str, Any]:
@@ -210,7 +203,6 @@ LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
-FIELDS = ("source", "name", "environment", "options", "algorithm", "vec_normalize")
 
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
@@ -236,8 +228,8 @@ def _added(source: str) -> Entry:
     if not source.endswith(".json"):
         return Entry(source)
     try:
-        fields = mapping(source, json.loads(Path(source).read_text()))
-        known_names(source, fields, FIELDS)
-        return Entry(**fields)
+        values = mapping(source, json.loads(Path(source).read_text()))
+        known_names(source, values, [one.name for one in fields(Entry)])
+        return Entry(**values)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{source}: no entry ({error})") from error

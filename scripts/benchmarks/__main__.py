@@ -6,7 +6,6 @@ trust the ratios. The times behind them belong to the machine. Prints tables and
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import tempfile
@@ -19,13 +18,13 @@ from typing import Any
 import llvmlite.binding
 from tqdm import tqdm
 
-from flexarm_agents.files import put
 from flexarm_env.parameters import MAX_MODES
 from flexarm_env.validation import choice
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
 from scripts.common import command_line
 from scripts.common.command_line import read_options
+from scripts.common.result_files import write_json
 
 
 @dataclass
@@ -174,12 +173,6 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
-def write(results: dict[str, Any], path: Path) -> None:
-    """Write strict JSON; the file is complete or absent."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    put(path, lambda aside: aside.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n"))
-
-
 def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.benchmarks", Options())
@@ -190,7 +183,8 @@ def main() -> None:
         raise ValueError(f"modes = {options.modes}: must be one or more integers from 1 to {MAX_MODES}")
     with tempfile.TemporaryDirectory() as cache:
         results = run(options, Path(cache))
-    write(results, options.output)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    write_json(options.output, results)
     print(report(results))
     print(f"\n{options.output}: written")
 

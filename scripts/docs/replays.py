@@ -1,4 +1,4 @@
-"""Write the laps that the site's replay viewer shows: docs/_static/replays/, a small file for each row and lap.
+"""Write the laps that the site's replay viewer shows: docs/_static/replays/, a small file for each entry and lap.
 
 A file is JavaScript, so that a page opened from a disk may load it. It holds joint angles, modal coordinates, the late
 reading and the torques of each control period, as second differences of whole numbers of a step. Where the tip is
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 FOLDER = DOCS / "_static" / "replays"
 INDEX = "index.js"
-ROWS = (
+ENTRIES = (
     *("ifdc", "flsac", "computed_torque", "shaped", "plan_lqr", "lqg", "lqg_adaptive", "nmpc"),
     *("agent square", "agent student", "agent student_unknown"),
 )
@@ -53,8 +53,8 @@ class Options:
 
     output: Path = FOLDER
     """Folder for the files; it is made anew."""
-    rows: tuple[str, ...] = ROWS
-    """Names of the leaderboard's rows, in the viewer's order."""
+    entries: tuple[str, ...] = ENTRIES
+    """Names of entries of the leaderboard, in the viewer's order."""
 
 
 def packed(values: Array, step: float) -> list[list[int]]:
@@ -125,7 +125,7 @@ def tips(arm: FlexibleArm, one: Mapping[str, Any]) -> Array:
 
 
 def file_name(row: str, lap: str) -> str:
-    """Name the file of a row's lap."""
+    """Name the file of an entry's lap."""
     return f"{row.replace(' ', '_')}_{lap}.js"
 
 
@@ -160,12 +160,12 @@ def _script(call: str, *values: Any) -> str:
 
 
 def text_of(row: str) -> str:
-    """Return what a row is, in a line."""
+    """Return what an entry is, in a line."""
     return CONTROLLERS[row].text.replace("`", "") if row in CONTROLLERS else AGENTS[row]
 
 
 def record(row: Entry) -> tuple[Candidate, dict[str, Trajectory]]:
-    """Run both nominal laps of a row."""
+    """Run both nominal laps of an entry."""
     candidate = row.candidate(fresh=True)
     laps = {lap: run_policy(candidate.env, candidate.policy, seed=0, lap=lap) for lap in LAPS}
     candidate.env.close()
@@ -173,16 +173,16 @@ def record(row: Entry) -> tuple[Candidate, dict[str, Trajectory]]:
 
 
 def write(names: Sequence[str], folder: Path) -> None:
-    """Run the rows, and write their files and the index.
+    """Run the entries, and write their files and the index.
 
     Args:
-        names: of the rows.
+        names: of the entries.
         folder: an existing one.
     """
     known = {row.name: row for row in all_entries(())}
     index: dict[str, Any] = {"laps": {name: lap.text for name, lap in LAPS.items()}, "rows": []}
-    for name in tqdm(names, unit="row"):
-        candidate, laps = record(known[choice("rows", name, tuple(known))])
+    for name in tqdm(names, unit="entry"):
+        candidate, laps = record(known[choice("entries", name, tuple(known))])
         for lap, one in laps.items():
             text = _script("replay", name, lap, replay(one))
             put(folder / file_name(name, lap), lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
@@ -200,9 +200,9 @@ def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.docs.replays", Options())
     with replacing(options.output, INDEX) as folder:
-        write(options.rows, folder)
+        write(options.entries, folder)
     size = sum(path.stat().st_size for path in options.output.iterdir())
-    print(f"{options.output}: {len(options.rows)} rows, {size / 1000:.0f} kB")
+    print(f"{options.output}: {len(options.entries)} entries, {size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import Spread
-from flexarm_agents.board.cells import Cell, Store
+from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
-from scripts.common.cells import results
 from scripts.common.markdown import DOCS, table
 from scripts.common.spreads import millimetres, spread_text
 
@@ -61,7 +60,7 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
     """
     row, found = Entry(str(source)), {}
     for name, points in MEASURED.items():
-        whole = merged(results([Cell.of(row, point) for point in points], cells))
+        whole = merged(_results([Cell.of(row, point) for point in points], cells))
         summary = point_summary(whole)
         assert whole is not None
         assert summary is not None
@@ -70,6 +69,15 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
                 summary[one["lap"]]["torque_change"] = one["figures"] and one["figures"]["torque_change_after_2s"]
         found[name] = summary
     return found
+
+
+def _results(cells: Sequence[Cell], store: Store) -> list[dict[str, Any] | None]:
+    """Return the results of cells in their order; those that the store lacks are computed and put there."""
+    by_key = {cell.key: cell for cell in cells}
+    for job in jobs_of(store.missing(cells)):
+        for key, result in zip(job.keys, compute(job), strict=True):
+            store.write(by_key[key], result)
+    return [store.read(cell) for cell in cells]
 
 
 def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]]]:

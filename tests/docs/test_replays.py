@@ -37,8 +37,8 @@ def test_numbers_are_read_as_they_were_written(values: list[list[int]]) -> None:
 def test_the_index_names_the_files_that_are_there() -> None:
     there = {path.name for path in replays.FOLDER.iterdir()}
     assert {file for _, _, file in FILES} | {replays.INDEX} == there
-    assert tuple(row["name"] for row in INDEX["rows"]) == replays.ROWS == tuple(replay_names())
-    assert set(replays.ROWS) <= {row.name for row in all_entries(())}
+    assert tuple(row["name"] for row in INDEX["rows"]) == replays.ENTRIES == tuple(replay_names())
+    assert set(replays.ENTRIES) <= {row.name for row in all_entries(())}
     assert set(INDEX["laps"]) == set(LAPS)
     assert all(row["text"] == replays.text_of(row["name"]) for row in INDEX["rows"])
     assert INDEX["links"] == replays.shapes(ARM)

@@ -84,15 +84,13 @@ def test_train_and_resume(flexarm: Shell) -> None:
     ("arguments", "message"),
     [
         (("--options", '{"noize": 1}'), "keyword argument 'noize'; did you mean 'noise'"),
-        (("--options", "7"), "7: must be a JSON object"),
         (("--batch", "1000", "--options", '{"noise": 0.1}'), "batch = 1000: must divide rollout * envs"),
-        (("--seedd", "4"), "did you mean --seed?"),  # an option that is spelt alike
     ],
 )
 def test_bad_input(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:
     result = flexarm("train", *arguments)
     assert result.returncode in (1, 2)  # 2: from the command line's reader
-    assert message in " ".join(result.stderr.replace("│", " ").split())
+    assert message in result.stderr
     assert not list(flexarm.folder.iterdir())  # nothing was begun
 
 
