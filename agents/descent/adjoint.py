@@ -1,4 +1,4 @@
-"""Derivatives of a window's costs by what the network wanted: the chain rule, from its last period to its first.
+"""Derivatives of a window's costs by the network's outputs: the chain rule, from its last period to its first.
 
 An action moves the arm; from then on it changes the state, what of it is read at once or late, the actions that the
 network chooses by that, and its own trace among the past actions. Derivatives by the state go back through a period by
@@ -16,7 +16,7 @@ from flexarm_agents.descent.readings import Instant, instants
 from flexarm_agents.descent.window import Window, usable
 
 Floats = NDArray[np.float64]
-MOST = 1e9  # [m]; a larger derivative by what is wanted is that of an arm that flies apart
+MOST = 1e9  # [m]; a larger derivative by an output is that of an arm that flies apart
 
 
 def seen_in(window: Window, actions: int) -> Seen:
@@ -131,7 +131,7 @@ class Adjoint:
         return usable(self._arm.step(states, self._torques, stop * self._step, step=self._step), states)
 
 
-def wanted_gradients(
+def output_gradients(
     observations: Observations,
     window: Window,
     costs: Costs,
@@ -139,28 +139,28 @@ def wanted_gradients(
     at_end: Floats,
     discounts: Floats,
 ) -> Floats:
-    """Differentiate the discounted costs of a window, and what comes after it, by what the network wanted.
+    """Differentiate the discounted costs of a window, and what comes after it, by the network's outputs.
 
     Args:
         observations: of the batch.
         window: the window.
         costs: of its periods.
-        network: derivatives of what is wanted by the first numbers of the observation. Shape (T, n, 2, numbers).
+        network: derivatives of the outputs by the first numbers of the observation. Shape (T, n, 2, numbers).
         at_end: derivatives of what comes after by the last instant's observation; where an episode ended with the
             window, it is 0. Shape (n, k).
         discounts: of each period's costs. Shape (T, n).
 
     Returns:
-        The derivatives, the effect on what is wanted later included; 0 for arms whose derivatives are larger than
+        The derivatives, the effect on later outputs included; 0 for arms whose derivatives are larger than
         `MOST`. Shape (T, n, 2).
     """
     adjoint, size = Adjoint(observations, window), network.shape[-1]
-    found, weights = np.zeros(window.wanted.shape), discounts[..., None]
+    found, weights = np.zeros(window.output.shape), discounts[..., None]
     adjoint.observe(len(found), at_end)
     for t in range(len(found) - 1, -1, -1):
         by_action = adjoint.back_through(t, weights[t] * costs.by_after[t]) + weights[t] * costs.by_action[t]
-        free = np.abs(window.wanted[t]) < 1.0
-        found[t] = np.where(free, by_action, 0.0) + weights[t] * costs.by_wanted[t]
+        free = np.abs(window.output[t]) < 1.0
+        found[t] = np.where(free, by_action, 0.0) + weights[t] * costs.by_output[t]
         if t > 0:
             going_on = (window.ages[t] > 0)[:, None]
             adjoint.by_action[t - 1] += np.where(going_on, weights[t] * costs.by_earlier[t], 0.0)

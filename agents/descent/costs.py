@@ -1,7 +1,7 @@
-"""Costs of control periods, with derivatives by the state after the period, by what the network wants and does.
+"""Costs of control periods, with derivatives by the state after the period, by output and action.
 
 The terms are metres: the tip's distance from the reference, smooth where it is 0; changes of the actions; deflections
-near those that end an episode; and what the network wants beyond the largest action, where nothing else has a slope.
+near those that end an episode; and outputs of the network beyond the largest action, where nothing else has a slope.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Costs(NamedTuple):
     Attributes:
         total: Shape (T, n).
         by_after: derivatives by the states at the ends of the periods. Shape (T, n, 4 + 4 m).
-        by_wanted: by what the network wants, apart from what it does. Shape (T, n, 2).
+        by_output: by the network's output, apart from the action. Shape (T, n, 2).
         by_action: by the action. Shape (T, n, 2).
         by_earlier: by the action of the period before. Shape (T, n, 2).
         errors: distances of the tip from the reference at the ends of the periods [m]. Shape (T, n).
@@ -32,7 +32,7 @@ class Costs(NamedTuple):
 
     total: Floats
     by_after: Floats
-    by_wanted: Floats
+    by_output: Floats
     by_action: Floats
     by_earlier: Floats
     errors: Floats
@@ -58,11 +58,11 @@ def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:
         weights = 2.0 * config.deflection_weight / settings.deflection_limit * excess * np.sign(values.deflection)
         by_after += _pulled(weights, slopes.deflection)
     change = window.actions.astype(np.float64) - window.earlier
-    beyond = np.maximum(np.abs(window.wanted) - 1.0, 0.0)
+    beyond = np.maximum(np.abs(window.output) - 1.0, 0.0)
     total = total + config.change_weight * (change**2).sum(axis=-1) + config.excess_weight * (beyond**2).sum(axis=-1)
     by_action = 2.0 * config.change_weight * change
-    by_wanted = 2.0 * config.excess_weight * beyond * np.sign(window.wanted)
-    return Costs(total, by_after, by_wanted, by_action, -by_action, np.sqrt(squares))
+    by_output = 2.0 * config.excess_weight * beyond * np.sign(window.output)
+    return Costs(total, by_after, by_output, by_action, -by_action, np.sqrt(squares))
 
 
 def error_cost(squares: Floats, knee: float) -> tuple[Floats, Floats]:

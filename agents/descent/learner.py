@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch.nn.utils import clip_grad_norm_
 from torch.optim.lr_scheduler import LinearLR
 
-from flexarm_agents.descent.adjoint import wanted_gradients
+from flexarm_agents.descent.adjoint import output_gradients
 from flexarm_agents.descent.config import FOPGConfig
 from flexarm_agents.descent.costs import Costs, costs, largest_cost
 from flexarm_agents.descent.observations import Observations
@@ -24,9 +24,9 @@ from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.layers import fully_connected, linear_layers, weights_and_biases
 
 Floats = NDArray[np.float64]
-FIRST_SCALE = 0.01  # of the policy's last layer: at first it wants next to nothing
+FIRST_SCALE = 0.01  # of the policy's last layer: at first its outputs are nearly 0
 MOMENTS = (0.7, 0.95)  # of Adam, as in the source: a window's gradient is hardly noisy, and soon stale
-LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where it is asked for randomness
+LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where actions are drawn
 
 
 class Figures(NamedTuple):
@@ -72,8 +72,8 @@ class Learner:
         ]
         self._schedules = [LinearLR(one, 1.0, 0.0, config.rounds * config.windows) for one in self._optimisers]
 
-    def wanted(self, observations: Singles) -> Singles:
-        """Return what the network wants, unlimited. Shape (n, 2)."""
+    def outputs(self, observations: Singles) -> Singles:
+        """Return the outputs of the policy's network, unlimited. Shape (n, 2)."""
         with torch.no_grad():
             return self.policy_network(torch.from_numpy(observations[:, : self._size])).numpy()
 
@@ -96,21 +96,21 @@ class Learner:
         return Figures(float(found.total.mean()), float(np.sqrt((found.errors**2).mean())), float(norm), lost)
 
     def gradients(self, window: Window, found: Costs) -> Floats:
-        """Differentiate the discounted costs and the value of what comes after by what was wanted. Shape (T, n, 2)."""
+        """Differentiate the discounted costs and the value of what comes after by the outputs. Shape (T, n, 2)."""
         periods, count = window.ended.shape
         discounts = np.ones((periods + 1, count))
         for t in range(periods):
             discounts[t + 1] = np.where(window.ended[t], 1.0, self._config.gamma * discounts[t])
         seen = self._seen(window).requires_grad_()
-        wanted = self.policy_network(seen)
-        slopes = [torch.autograd.grad(wanted[:, n].sum(), seen, retain_graph=n == 0)[0].numpy() for n in (0, 1)]
+        outputs = self.policy_network(seen)
+        slopes = [torch.autograd.grad(outputs[:, n].sum(), seen, retain_graph=n == 0)[0].numpy() for n in (0, 1)]
         network = np.stack(slopes, axis=1).astype(np.float64).reshape(periods, count, 2, self._size)
         at_end = np.zeros((count, window.observations.shape[-1]))
         if self._config.critic_epochs:
             last = torch.from_numpy(window.observations[-1]).requires_grad_()
             slope = torch.autograd.grad(self.critic(last).sum(), last)[0].numpy()
             at_end = np.where(window.ended[-1][:, None], 0.0, discounts[-1][:, None] * slope)
-        return wanted_gradients(self._observations, window, found, network, at_end, discounts[:-1])
+        return output_gradients(self._observations, window, found, network, at_end, discounts[:-1])
 
     def policy(self) -> NetworkPolicy:
         """Return the network as a policy."""

@@ -122,7 +122,7 @@ class FOPGTraining(Rounds):
 
     def window(self) -> Figures:
         """Run a window, and learn from it."""
-        return self.learner.learn(self.driver.window(self.learner.wanted, self.config.horizon))
+        return self.learner.learn(self.driver.window(self.learner.outputs, self.config.horizon))
 
     def policy(self) -> NetworkPolicy:
         """See `Rounds`."""

@@ -27,7 +27,7 @@ class Window(NamedTuple):
         states: at each instant. Shape (T + 1, n, 4 + 4 m).
         readings: latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2).
         ages: control periods since the episode began. Shape (T + 1, n).
-        wanted: what the network wants, disturbed. Shape (T, n, 2).
+        output: of the network, disturbed. Shape (T, n, 2).
         actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
         earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
         after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one
@@ -42,7 +42,7 @@ class Window(NamedTuple):
     states: Floats
     readings: Floats
     ages: NDArray[np.int64]
-    wanted: Floats
+    output: Floats
     actions: Singles
     earlier: Singles
     after: Floats
@@ -109,8 +109,8 @@ class Driver:
         """
         instants, done = [self._instant()], []
         for _ in range(periods):
-            wanted = network(self._observations) + self._noise * self._random.normal(size=self._earlier.shape)
-            actions, earlier = np.clip(wanted, -1.0, 1.0).astype(np.float32), self._earlier
+            output = network(self._observations) + self._noise * self._random.normal(size=self._earlier.shape)
+            actions, earlier = np.clip(output, -1.0, 1.0).astype(np.float32), self._earlier
             self._observations, _, lost, cut, infos = self.env.step(actions)
             ended = lost | cut
             after, references, last = infos["state"].copy(), infos["reference"].copy(), self._observations
@@ -122,7 +122,7 @@ class Driver:
             self._states, self._readings = infos["state"], infos["sensed"]
             self._ages = np.where(ended, 0, self._ages + 1)
             self._earlier = np.where(ended[:, None], np.float32(0.0), actions)
-            done.append((wanted, actions, earlier, after, references, last, ended, lost))
+            done.append((output, actions, earlier, after, references, last, ended, lost))
             instants.append(self._instant())
         at, over = (map(np.stack, zip(*rows, strict=True)) for rows in (instants, done))
         return Window(*at, *over)

@@ -17,7 +17,7 @@ from flexarm_agents.teaching.config import DAggerConfig
 from flexarm_agents.teaching.rollouts import Rollout
 
 LEAST_SPREAD = 1e-3  # of an input, by which it is divided
-LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where it is asked for randomness
+LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where actions are drawn
 
 
 class Student:

@@ -59,7 +59,7 @@ STIFFNESSES = (0.8, 1.0, 1.25)
 
 
 class Hypothesis(NamedTuple):
-    """With what a filter of the bank begins; with the task's damping and delay beside it.
+    """Initial estimates of a filter of the bank, beside the task's damping and delay.
 
     Attributes:
         payload_mass: [kg].

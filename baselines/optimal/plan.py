@@ -95,7 +95,7 @@ class Plan:
 
     @property
     def time(self) -> Floats:
-        """Of the instants [s]. Shape (n + 1,)."""
+        """Times of the instants [s]. Shape (n + 1,)."""
         return self.period * np.arange(len(self.states), dtype=np.float64)
 
     def replay(self) -> Rollout:

@@ -127,7 +127,7 @@ class TrackingProblem:
 
     @property
     def time(self) -> Floats:
-        """Of the instants [s]. Shape (n + 1,)."""
+        """Times of the instants [s]. Shape (n + 1,)."""
         return self.period * np.arange(self.periods + 1.0)
 
     def cost(self, run: Rollout) -> Floats:

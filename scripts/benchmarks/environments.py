@@ -104,7 +104,7 @@ print(json.dumps(parts | {"processor": time.process_time()}))
 
 
 def first_step(colds: int, cache: Path) -> Group:
-    """From the start of the interpreter to the end of a process that made one step.
+    """Time processes that make one step, from the start of the interpreter to the end.
 
     Args:
         colds: how often with an empty cache (the compiler takes its time).

@@ -68,7 +68,7 @@ def operations(modes: int) -> int:
     each |= dict.fromkeys(("multiply_add", "multiply_subtract", "multiply_subtract_from"), 2)
 
     def count(recording: Recording) -> int:
-        """Of a recording, with the functions that it calls."""
+        """Count the operations of a recording and of the functions that it calls."""
         own = sum(each.get(operation.name, 0) for operation in recording.operations)
         calls = [operation.what[0] for operation in recording.operations if operation.name == "call"]
         return own + sum(count(kernel.functions[name]) for name in calls if name in kernel.functions)

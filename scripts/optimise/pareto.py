@@ -29,7 +29,7 @@ def curve(plan: Plan, lap: str, path: str, folder: Path) -> list[dict[str, Any]]
         plan: to begin with, a converged one.
         lap: its name.
         path: name of its reference.
-        folder: for the plans; those that it has are taken over.
+        folder: for the plans; those that it has are reused.
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = plan.notes["change_weight"]

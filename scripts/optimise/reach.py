@@ -42,7 +42,7 @@ def best(seed: int, folder: Path) -> dict[str, Any]:
 
     Args:
         seed: of the environment.
-        folder: for the plan; one that it has is taken over.
+        folder: for the plan; one that it has is reused.
 
     Returns:
         Errors over the episode and while the reference rests [m], efforts, the solver's log.

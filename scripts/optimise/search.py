@@ -95,7 +95,7 @@ def search(
     folder: Path,
     other: Plan | None,
 ) -> list[Candidate]:
-    """Find plans for a lap; trials and finals that the folder has with the same settings are taken over.
+    """Find plans for a lap; trials and finals that the folder has with the same settings are reused.
 
     Args:
         arm: the arm.
@@ -172,7 +172,7 @@ def improved(
     iterations: int,
     path: Path,
 ) -> Candidate:
-    """Optimise from a start, or take the plan over from its file.
+    """Optimise from a start, or reuse the plan in its file.
 
     Args:
         problem: what the plan should be good at.

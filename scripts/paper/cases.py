@@ -43,7 +43,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """For files and tables."""
+        """The name in files and tables."""
         return f"{self.controller}_{self.sensing}_{self.place}"
 
     @property

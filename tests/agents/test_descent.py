@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import flexarm_agents.descent.training
 from flexarm_agents import FOPGConfig, TrainingStopped, evaluate, load_policy, train
-from flexarm_agents.descent.adjoint import seen_in, wanted_gradients
+from flexarm_agents.descent.adjoint import output_gradients, seen_in
 from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.learner import Figures
 from flexarm_agents.descent.observations import Observations
@@ -84,12 +84,12 @@ class Chain:
         window = self.window(self.weights)
         assert window.ended.any()
         assert not window.ended[-1].any()
-        assert (np.abs(window.wanted) > 1.0).any()
+        assert (np.abs(window.output) > 1.0).any()
         found = costs(window, self.env.settings, self.config)
         network = np.broadcast_to(self.weights, (self.periods, self.arms, *self.weights.shape))
         at_end = np.tile(self.value, (self.arms, 1))
-        by_wanted = wanted_gradients(self.model, window, found, network, at_end, self.discounts)
-        return np.einsum("tni,tnk->ik", by_wanted, window.observations[:-1].astype(np.float64))
+        by_output = output_gradients(self.model, window, found, network, at_end, self.discounts)
+        return np.einsum("tni,tnk->ik", by_output, window.observations[:-1].astype(np.float64))
 
 
 @pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.02, 0.0437])
