@@ -13,7 +13,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, running_rms, write
 from scripts.docs.drawn_arm import recorded
 from scripts.docs.overview_pictures import label_dots
-from scripts.docs.replays import ROWS
+from scripts.docs.replays import ENTRIES
 
 SHOWN = {
     "ifdc": ("ifdc", COLOURS[4]),
@@ -88,7 +88,7 @@ def effort(path: Path) -> None:
         axis.plot(x, y, color=INK, linewidth=2.0)
         fine = np.geomspace(min(x), max(x), 60)
         lines[lap] = np.column_stack([fine, np.interp(fine, *np.array(sorted(zip(x, y, strict=True))).T)])
-        for row in ROWS:
+        for row in ENTRIES:
             one = recorded(row, lap)
             change = np.linalg.norm(np.sqrt(np.mean(np.diff(one.torque, axis=0) ** 2, axis=0)))
             colour = ORANGE if row.startswith("agent") else BLUE

@@ -55,10 +55,3 @@ def refusal(module: str, *arguments: object) -> str:
     status, printed = run_here(f"{module}.__main__", *arguments)
     assert status not in (0, None)
     return f"{printed}{status}"
-
-
-def help_of(module: str) -> str:
-    """Return a study's help."""
-    status, printed = run_here(f"{module}.__main__", "--help")
-    assert status == 0
-    return printed
