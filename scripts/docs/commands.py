@@ -10,13 +10,16 @@ from pathlib import Path
 
 from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
+from flexarm_agents.commands.leaderboard import parser as board
 from flexarm_agents.commands.train import parser as training
 from flexarm_agents.training.config import ALGORITHMS
+from scripts import train as trainings
 from scripts.analysis import __main__ as analysis
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
 from scripts.common.study import usual
 from scripts.control import __main__ as control
+from scripts.leaderboard import __main__ as whole_board
 from scripts.learning import __main__ as learning
 
 STUDIES = ("paper", "optimise", "benchmarks", "shipped", "make_dataset")
@@ -29,13 +32,17 @@ def text() -> str:
         parts += section(import_module(f"flexarm_agents.commands.{name}").parser())
         parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
         if verb == "train":
-            parts += [line for other in [*ALGORITHMS][1:] for line in further(training(), training(other), other)]
+            for other in [*ALGORITHMS][1:]:
+                parts += further(f"### `flexarm train --algorithm {other}`", training(), training(other))
     for name in STUDIES:
         package = import_module(f"scripts.{name}")
         module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")
         parts += section(parser(f"python -m scripts.{name}", module.Options()))
     for name, one in {"analysis": analysis, "control": control, "learning": learning}.items():
         parts += section(parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT))
+    parts += further("## `python -m scripts.leaderboard`, beside `flexarm leaderboard`", board(), whole_board.parser())
+    sweep = parser("python -m scripts.train", trainings.Options())
+    parts += further("## `python -m scripts.train`, beside `flexarm train`", training(), sweep)
     return "\n".join(parts)
 
 
@@ -45,11 +52,11 @@ def section(reader: Reader) -> list[str]:
     return [f"## `{reader.prog}`\n", f"{' '.join(about)}\n", *([table(("option", "meaning"), rows)] if rows else [])]
 
 
-def further(first: Reader, reader: Reader, algorithm: str) -> list[str]:
-    """Write the options that training by another algorithm has beside those of the first one."""
+def further(title: str, first: Reader, reader: Reader) -> list[str]:
+    """Write the options that a command has beside those of another one."""
     common = list(options(first))
     rows = [row for row in options(reader) if row not in common]
-    return [f"### `{reader.prog} --algorithm {algorithm}`\n", table(("option", "meaning"), rows)]
+    return [f"{title}\n", table(("option", "meaning"), rows)]
 
 
 def options(reader: Reader) -> Iterator[tuple[str, str]]:

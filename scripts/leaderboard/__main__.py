@@ -15,6 +15,7 @@ from flexarm_agents.board.summary import breaking
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands import leaderboard
+from flexarm_agents.commands.arguments import Reader
 from flexarm_agents.files import put
 from flexarm_agents.jobs.failures import check_failures
 from scripts.common.command_line import run
@@ -79,7 +80,7 @@ def check(given: argparse.Namespace) -> None:
         raise ValueError(f"docs = True: {given.output} has no {TIMES}; must go with times")
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Reader:
     """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
     made = leaderboard.parser()
     made.prog = "python -m scripts.leaderboard"
