@@ -145,12 +145,12 @@ class Hosted:
 
     def __init__(self, source: str, lap: str) -> None:
         """Make it for a lap; its name is the board's."""
-        self._row, self._lap = Entry(source), lap
+        self._entry, self._lap = Entry(source), lap
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
-        policy = self._row.candidate(fresh=not self._row.batched).policy
-        env = HostedEnv(plant, **self._row.interface)
+        policy = self._entry.candidate(fresh=not self._entry.batched).policy
+        env = HostedEnv(plant, **self._entry.interface)
         predict = predictor(policy, deterministic=True)
         seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))
         memory, start = None, np.ones(1, dtype=bool)

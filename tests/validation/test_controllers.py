@@ -41,7 +41,7 @@ from tests.validation.laps import (
     on_corner,
     run_lap,
 )
-from tests.validation.motion import apart
+from tests.validation.motion import apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
@@ -87,7 +87,7 @@ def pushed(lap: str, share: float, plant: str) -> tuple[Array, float]:
 
 def from_chain_at_start(lap: str, share: float, plant: str) -> float:
     """Return how far an arm's tip is from the chain's, over the share of the torques, r.m.s. [mm]."""
-    return away(pushed(lap, share, plant)[0], pushed(lap, share, CHAIN)[0]).rms / share
+    return 1e3 * rms(apart(pushed(lap, share, plant)[0], pushed(lap, share, CHAIN)[0])) / share
 
 
 def test_the_chain_has_converged(page: Page) -> None:
@@ -171,9 +171,9 @@ def test_picture(page: Page) -> None:
 @kept
 def chattering(lap: str, step: float) -> float | None:
     """Return the score on `FlexArm/SquareChain-v0` with an integration step [mm]; None if the lap ended early."""
-    row = Entry(CHATTERS)
-    env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
-    score = summary(run_policy(env, row.candidate().policy, lap=lap)).get("true_tip_rms")
+    entry = Entry(CHATTERS)
+    env = gymnasium.make("FlexArm/SquareChain-v0", **entry.interface, chain_step=step)
+    score = summary(run_policy(env, entry.candidate().policy, lap=lap)).get("true_tip_rms")
     env.close()
     return None if score is None else 1e3 * score
 
