@@ -21,14 +21,10 @@ from flexarm_agents.training.config import read_config
 from flexarm_agents.training.models import new_model
 from flexarm_agents.training.reward import TrainingCallback
 from flexarm_env.laps import LAPS
-from tests.support.trainings import ID, TINIES, TINY
+from tests.support.trainings import ID, TINIES, TINY, Interrupted
 
 ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
 SQUASHED = ("sac", "sac curriculum", "tqc")
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
 
 
 class Breaking(TrainingCallback):

@@ -31,7 +31,7 @@ from flexarm_env.laps import LAPS
 from tests.agents.test_training import same_policy
 from tests.support.envs import OF_FURTHER_SENSORS
 from tests.support.refusals import refuses
-from tests.support.trainings import DESCENDED, descended
+from tests.support.trainings import DESCENDED, Interrupted, descended
 
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
@@ -265,10 +265,6 @@ def test_what_a_descent_leaves(run: Path) -> None:
     again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
     assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
     assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
 
 
 @pytest.mark.parametrize("rounds", [1, 2, 3])

@@ -29,7 +29,7 @@ from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import TAUGHT, same_policy, taught
+from tests.support.trainings import TAUGHT, Interrupted, same_policy, taught
 
 
 @pytest.fixture(scope="module")
@@ -179,10 +179,6 @@ def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None
     first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
     assert all(first[lap]["duration"] < 4.0 for lap in LAPS)
     assert all(outcome.best[lap]["rms"] < 0.2 for lap in LAPS)
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
 
 
 @pytest.fixture

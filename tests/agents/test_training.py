@@ -33,7 +33,7 @@ from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import ID, TAUGHT, TINY, finished, same_policy
+from tests.support.trainings import ID, TAUGHT, TINY, Interrupted, finished, same_policy
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +84,6 @@ def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None
     assert same_policy(run / "last_policy.npz", tmp_path / "again" / "last_policy.npz")
     train(PPOConfig(**TINY, seed=1), tmp_path / "other")
     assert not same_policy(run / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
 
 
 def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, steps: int) -> None:

@@ -14,13 +14,9 @@ from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.models import end_curriculum, new_model
 from flexarm_agents.training.reward import TrainingCallback
 from flexarm_agents.training.run_folder import RunFolder
-from tests.support.trainings import TINIES, TINY
+from tests.support.trainings import TINIES, TINY, Interrupted
 
 INITIAL = TINIES["initial"]
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
 
 
 def same_network(one: NetworkPolicy, other: NetworkPolicy) -> bool:

@@ -1,4 +1,4 @@
-"""`python -m scripts.train --seeds --sweep`: every setting with every seed, taken over where finished."""
+"""`python -m scripts.train --seeds --sweep`: every setting with every seed, reused where finished."""
 
 from __future__ import annotations
 

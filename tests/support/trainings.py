@@ -10,6 +10,12 @@ import numpy as np
 from flexarm_agents import DAggerConfig, FOPGConfig, NetworkPolicy, Score, StandardScore, config_of, train
 
 ID = "FlexArm/Square-v0"
+
+
+class Interrupted(Exception):  # noqa: N818
+    """Breaks a training off."""
+
+
 TINY: dict[str, Any] = {
     "envs": 4,
     "rollout": 32,
