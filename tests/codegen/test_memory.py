@@ -5,8 +5,7 @@ import pickle
 
 import numpy as np
 
-from flexarm_env.codegen.intrinsics import CACHE_LINE
-from flexarm_env.codegen.memory import WORD, pack
+from flexarm_env.codegen.memory import CACHE_LINE, WORD, pack
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 

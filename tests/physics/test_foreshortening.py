@@ -190,9 +190,9 @@ def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel)
     """(10), (14) through `position` and `velocity` alone, with a stiff solver; the loop's kernel has its own ways."""
     _, arm = both(1, joint_friction=(0.0, 0.0))
     s, gain, kp, kd = 3.0, 0.3, 150.79, 17.364
-    path, delay = square(SquareParameters(side=1.26, lap_time=1.6)), None if model == "collocated" else 0.0
+    path, delay = square(SquareParameters(side=2.52, lap_time=3.2)), None if model == "collocated" else 0.0
     options: dict[str, Any] = {"sensor": model, "delay": delay, "sensor_position": s, "physics_step": 1e-4}
-    loop = LawLoop(arm=arm.parameters, side=1.26, lap_time=1.6, **options)
+    loop = LawLoop(arm=arm.parameters, side=2.52, lap_time=3.2, **options)
     start = random_state(arm.parameters, 8, deflection=0.2, rate=0.5)
     start[:2] = 0.7, 1.9
 
