@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,58 +11,11 @@ import torch
 
 import flexarm_agents.training.models
 import flexarm_agents.training.reward
-from flexarm_agents import NetworkPolicy, config_of, evaluate, load_policy, network_policy, train
-from flexarm_agents.policies.encoders import PastReadings
+from flexarm_agents import NetworkPolicy, config_of, load_policy, network_policy, train
 from flexarm_agents.policies.lstm import Lstm
-from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.config import read_config
 from flexarm_agents.training.models import new_model
-from flexarm_agents.training.reward import TrainingCallback
-from flexarm_env.laps import LAPS
-from tests.support.trainings import ID, TINIES, TINY, Interrupted
-
-ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
-SQUASHED = ("sac", "sac curriculum", "tqc")
-
-
-class Breaking(TrainingCallback):
-    def _on_step(self) -> bool:
-        if self.num_timesteps >= 400:
-            raise Interrupted
-        return True
-
-
-def numbers(policy: NetworkPolicy) -> list[Any]:
-    return [*policy.weights, *policy.biases, policy.log_std]
-
-
-@pytest.mark.parametrize("name", TINIES)
-def test_interrupted_or_not_a_training_ends_in_the_same_bits(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Replay buffers, an LSTM's memory and an encoder's memory are in the checkpoint; the file scores what it says."""
-    config = config_of(**TINIES[name])
-    train(config, tmp_path / "whole")
-    with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training.reward, "TrainingCallback", Breaking)
-        with pytest.raises(Interrupted):
-            train(config, tmp_path / "broken")
-    np.random.seed(5)  # noqa: NPY002
-    torch.manual_seed(5)
-    train(config, tmp_path / "broken", resume=True)
-    whole, broken = (load_policy(tmp_path / folder, last=True) for folder in ("whole", "broken"))
-    assert type(whole.policy.encoder) is ENCODERS.get(name, type(None))
-    assert (whole.policy.log_std_weights is not None) == (name in SQUASHED)
-    for mine, theirs in zip(numbers(whole.policy), numbers(broken.policy), strict=True):
-        np.testing.assert_array_equal(mine, theirs)
-    best = load_policy(tmp_path / "whole")
-    again = evaluate(best.make_env(), best.policy, seed=1_000_003)
-    assert again.as_mapping() == {lap: best.notes["evaluation"][lap] for lap in LAPS}
-    assert read_config(best.notes["config"]) == config
-    with pytest.raises(ValueError, match=r"seed = 1: the training in"):
-        train(config_of(**TINIES[name], seed=1), tmp_path / "whole", resume=True)
-    assert json.loads((tmp_path / "whole" / "versions.json").read_text())["sb3_contrib"]
+from tests.support.trainings import ID, TINIES
 
 
 @pytest.mark.parametrize("name", ["sac", "tqc", "recurrent_ppo"])
@@ -202,17 +154,3 @@ def test_an_encoder_and_its_network_fit_together() -> None:
         NetworkPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), encoder=lstm)
     with pytest.raises(TypeError, match=r"encoder = 'lstm': must be None or one of PastReadings, Lstm, Observer"):
         NetworkPolicy(weights, biases, np.zeros(2, np.float32), encoder="lstm")  # type: ignore[arg-type]
-
-
-def test_a_checkpoint_without_a_configuration_is_refused(tmp_path: Path) -> None:
-    import zipfile
-
-    train(config_of(**{**TINY, "steps": 128}), tmp_path / "run")
-    path = tmp_path / "run" / "checkpoint.zip"
-    with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist() if name != "config.json"}
-    with zipfile.ZipFile(path, "w") as file:
-        for name, content in parts.items():
-            file.writestr(name, content)
-    with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint of this version"):
-        train(config_of(**{**TINY, "steps": 128}), tmp_path / "run", resume=True)

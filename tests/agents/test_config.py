@@ -14,6 +14,8 @@ from flexarm_agents.training.config import read_config
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINY
 
+DAGGER, FOPG = {"algorithm": "dagger"}, {"algorithm": "fopg"}
+
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
@@ -97,6 +99,18 @@ from tests.support.trainings import ID, TINY
             r"initial_policy = 'square', observer = 'nominal': the network behind an observer begins untrained",
         ),
         ({"activation": "selu"}, ValueError, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
+        ({**DAGGER, "arms": 3}, ValueError, r"arms = 3: must be even, half of them for each lap"),
+        ({**DAGGER, "lags": 3}, TypeError, r"lags = 3: must be a list or a tuple"),
+        ({**DAGGER, "averaging": 1.5}, ValueError, r"averaging = 1.5"),
+        ({**DAGGER, "plants": [1, 3]}, ValueError, r"plants\[0\] = 1"),
+        ({**DAGGER, "rouns": 3}, TypeError, r"keyword argument 'rouns'; did you mean 'rounds'"),
+        ({**FOPG, "horizon": 1}, ValueError, r"horizon = 1: must be an integer >= 2"),
+        ({**FOPG, "error_knee": 0.0}, ValueError, r"error_knee = 0.0"),
+        ({**FOPG, "critic_observation": ["sight"]}, ValueError, r"critic_observation\[0\] = 'sight'"),
+        ({**FOPG, "critic_observation": ["state", "state"]}, ValueError, r"each only once"),
+        ({**FOPG, "critic_epochs": 0, "critic_batch": 64}, ValueError, r"critic_batch = 64: has no effect with critic"),
+        ({**FOPG, "torque_noise": 2.0}, ValueError, r"torque_noise = 2.0"),
+        ({**FOPG, "rounds": 1}, ValueError, r"trial_rounds = 4: must be at most rounds = 1, with more than one of"),
     ],
 )
 def test_impossible_configurations(options: dict[str, Any], error: type[Exception], message: str) -> None:

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.logger import Logger
 
-import flexarm_agents.descent.training
-from flexarm_agents import FOPGConfig, TrainingStopped, evaluate, load_policy, train
+from flexarm_agents import FOPGConfig, config_of, train
 from flexarm_agents.descent.adjoint import output_gradients, seen_in
 from flexarm_agents.descent.costs import costs, error_cost, largest_cost
-from flexarm_agents.descent.learner import Figures
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.readings import instants
 from flexarm_agents.descent.training import FOPGTraining
@@ -27,11 +21,9 @@ from flexarm_agents.environments import make_batch
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
-from flexarm_env.laps import LAPS
-from tests.agents.test_training import same_policy
 from tests.support.envs import OF_FURTHER_SENSORS
 from tests.support.refusals import refuses
-from tests.support.trainings import DESCENDED, Interrupted, descended
+from tests.support.trainings import DESCENDED, row
 
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
@@ -215,27 +207,6 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
     assert largest_cost(Settings(error_limit=None), FOPGConfig(error_knee=0.3)) == pytest.approx(17.7, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"horizon": 1}, "horizon = 1: must be an integer >= 2"),
-        ({"gamma": 1.5}, "gamma = 1.5"),
-        ({"error_knee": 0.0}, "error_knee = 0.0"),
-        ({"critic_observation": ["sight"]}, "sight"),
-        ({"critic_observation": ["state", "state"]}, "each only once"),
-        ({"critic_epochs": 0, "critic_batch": 64}, "critic_batch = 64: has no effect with critic_epochs = 0"),
-        ({"hidden": []}, "hidden = "),
-        ({"curriculum_options": {"noise": -1.0}}, "noise = -1.0"),
-        ({"torque_noise": 2.0}, "torque_noise = 2.0"),
-        ({"candidates": 0}, "candidates = 0: must be an integer >= 1"),
-        ({"rounds": 1}, "trial_rounds = 4: must be at most rounds = 1, with more than one of candidates"),
-    ],
-)
-def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
-    with refuses((TypeError, ValueError), words):
-        FOPGConfig.of(changes)
-
-
 def test_what_the_critic_alone_sees_comes_last() -> None:
     late = {"observation": ["joint_error", "sensor_error"]}
     assert FOPGConfig(options=late).batch_options["observation"] == [
@@ -245,86 +216,6 @@ def test_what_the_critic_alone_sees_comes_last() -> None:
 
 
 # --- the whole ------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run the tiny training once; its folder must not be changed."""
-    return descended(tmp_path_factory.mktemp("runs"))
-
-
-def test_what_a_descent_leaves(run: Path) -> None:
-    assert {path.name for path in run.iterdir()} == {
-        "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
-        "tensorboard", "versions.json",
-    }  # fmt: skip
-    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
-    rows = json.loads((run / "evaluations.json").read_text())
-    assert [row["steps"] for row in rows] == [64, 128, 192, 256]
-    trained = load_policy(run)
-    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
-    assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
-    assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
-
-
-@pytest.mark.parametrize("rounds", [1, 2, 3])
-def test_an_interrupted_descent_ends_in_the_same_bits(
-    rounds: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In the trial of the second candidate or of the third, or in the last round."""
-
-    class Breaking(FOPGTraining):
-        def window(self) -> Figures:
-            if self.done == rounds:
-                raise Interrupted
-            return super().window()
-
-    config = FOPGConfig(**DESCENDED)
-    with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "FOPGTraining", Breaking)
-        with pytest.raises(Interrupted):
-            train(config, tmp_path / "run")
-    torch.manual_seed(5)  # what the generator did meanwhile has no influence
-    train(config, tmp_path / "run", resume=True)
-    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
-    rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, tmp_path / "run")]
-    assert all(row.pop("seconds") for each in rows for row in each)
-    assert rows[0] == rows[1]
-    before = (tmp_path / "run" / "last_policy.npz").read_bytes()
-    outcome = train(config, tmp_path / "run", resume=True)  # it is complete
-    assert (tmp_path / "run" / "last_policy.npz").read_bytes() == before
-    assert outcome.last["steps"] == 256
-    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
-    with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
-        train(config, tmp_path / "run", resume=True)
-
-
-def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sent: list[int] = []
-
-    class Signalled(FOPGTraining):
-        def window(self) -> Figures:
-            if not sent:
-                os.kill(os.getpid(), signal.SIGTERM)
-                sent.append(signal.SIGTERM)  # a second one would end the process
-            return super().window()
-
-    config = FOPGConfig(**DESCENDED)
-    with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "FOPGTraining", Signalled)
-        with pytest.raises(TrainingStopped) as caught:
-            train(config, tmp_path / "run")
-    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 64)
-    assert train(config, tmp_path / "run", resume=True).last["steps"] == 256
-    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
-
-
-def test_the_checkpoint_of_another_descent_is_refused(run: Path, tmp_path: Path) -> None:
-    other = RunFolder(tmp_path / "other")
-    other.begin(FOPGConfig(**DESCENDED, seed=1), json.loads((run / "versions.json").read_text()))
-    shutil.copy(run / "checkpoint.zip", other.checkpoint)
-    with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
-        train(FOPGConfig(**DESCENDED, seed=1), other.path, resume=True)
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
@@ -339,3 +230,40 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error
+
+
+@pytest.mark.parametrize(
+    ("errors", "best"),
+    [([0.3, 0.1, 0.2], 1), ([0.1, 0.1, 0.2], 0), ([None, 0.4, 0.3], 2), ([0.4, None, None], 0)],
+)
+def test_the_best_candidate_goes_on(errors: list[float | None], best: int, tmp_path: Path) -> None:
+    """By the evaluation after its trial; it goes on where it was, in its own episodes."""
+    training = FOPGTraining(config_of(**DESCENDED), RunFolder(tmp_path))
+    training.logger = Logger(folder=None, output_formats=[])
+    training.start()
+    learners, drivers = [], []
+    for error in errors:
+        training.next_round()
+        training.progress.rows.append(row(64, error, 0.05))
+        learners.append(training.learner)
+        drivers.append(training.driver)
+    assert len(set(map(id, learners))) == len(errors)
+    training.next_round()
+    assert training.learner is learners[best]
+    assert training.driver is drivers[best]
+    training.close()
+
+
+def test_candidates_differ_and_meet_the_same_episodes(tmp_path: Path) -> None:
+    training = FOPGTraining(config_of(**DESCENDED), RunFolder(tmp_path))
+    training.start()
+
+    def at_rest() -> Window:
+        return training.driver.window(lambda seen: np.zeros((len(seen), 2)), 3)
+
+    policy, window = training.policy(), at_rest()
+    training.progress.rows.append(row(64, 0.1, 0.1))
+    training._end_trial(last=False)
+    assert not np.array_equal(policy.weights[0], training.policy().weights[0])
+    assert np.array_equal(window.states, at_rest().states)
+    training.close()

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import signal
 from pathlib import Path
 from typing import Any
 
@@ -14,33 +10,32 @@ import numpy as np
 import pytest
 import torch
 
-import flexarm_agents.teaching.training
-from flexarm_agents import DAggerConfig, NetworkPolicy, TrainingStopped, evaluate, load_policy, train
+from flexarm_agents import DAggerConfig, NetworkPolicy, config_of, train
 from flexarm_agents.environments import make_batch
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_agents.teaching.rollouts import Rollout, run_rollout, teacher_share
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Pupils, Teacher
-from flexarm_agents.teaching.training import DAggerTraining
-from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal import load_plan
 from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import TAUGHT, Interrupted, same_policy, taught
+from tests.support.trainings import TAUGHT
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run the tiny teaching once; its folder must not be changed."""
-    return taught(tmp_path_factory.mktemp("runs"))
+    folder = tmp_path_factory.mktemp("runs") / "taught"
+    train(config_of(**TAUGHT), folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
 def teacher(run: Path) -> Teacher:
-    return Teacher.of(DAggerConfig(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
+    return Teacher.of(config_of(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
 
 
 # --- the teacher ----------------------------------------------------------------------------------------------------
@@ -113,7 +108,7 @@ def test_the_teacher_drives_less_and_less() -> None:
 
 
 def test_a_rollout_depends_on_nothing_but_its_arguments(run: Path, teacher: Teacher) -> None:
-    config = DAggerConfig(**TAUGHT)
+    config = config_of(**TAUGHT)
     student = NetworkPolicy.load(run / "last_policy.npz")
     env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
     first, other, again = (run_rollout(env, teacher, student, config, number) for number in (1, 2, 1))
@@ -128,7 +123,7 @@ def test_a_rollout_depends_on_nothing_but_its_arguments(run: Path, teacher: Teac
 
 def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
     """On the very inputs of the fit, histories included."""
-    config, random = DAggerConfig(**TAUGHT), np.random.default_rng(0)
+    config, random = config_of(**TAUGHT), np.random.default_rng(0)
     encoder = NetworkPolicy.load(run / "last_policy.npz").encoder
     assert isinstance(encoder, PastReadings)
     count, periods = config.arms, 12
@@ -153,108 +148,13 @@ def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
 # --- the whole ------------------------------------------------------------------------------------------------------
 
 
-def test_what_a_teaching_leaves(run: Path) -> None:
-    assert {path.name for path in run.iterdir()} == {
-        "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
-        "plans", "tensorboard", "versions.json",
-    }  # fmt: skip
-    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
-    rows = json.loads((run / "evaluations.json").read_text())
-    assert [row["steps"] for row in rows] == [6400, 12800]
-    trained = load_policy(run)
-    assert isinstance(trained.policy.encoder, PastReadings)
-    assert trained.policy.encoder.lags == (1, 3)
-    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
-    assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
-    assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
-
-
 def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None:
     """A training for real, though a small one: first the student loses the path at once, then it keeps to it."""
     sizes = {"arms": 16, "rounds": 3, "updates": 400, "batch": 512, "hidden": [64, 64]}
-    config = DAggerConfig(
+    config = config_of(
         **TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3, "plans": str(run / "plans")}
     )
     outcome = train(config, tmp_path / "run")
     first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
     assert all(first[lap]["duration"] < 4.0 for lap in LAPS)
     assert all(outcome.best[lap]["rms"] < 0.2 for lap in LAPS)
-
-
-@pytest.fixture
-def broken_off(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Break the tiny teaching off in its second rollout."""
-
-    class Breaking(DAggerTraining):
-        def rollout(self, student: NetworkPolicy | None) -> Rollout:
-            if student is not None:
-                raise Interrupted
-            return super().rollout(student)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.teaching.training, "DAggerTraining", Breaking)
-        with pytest.raises(Interrupted):
-            train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run")
-    return tmp_path / "run"
-
-
-def test_an_interrupted_teaching_ends_in_the_same_bits(run: Path, broken_off: Path) -> None:
-    torch.manual_seed(5)  # what the generator did meanwhile has no influence
-    train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), broken_off, resume=True)
-    assert same_policy(run / "last_policy.npz", broken_off / "last_policy.npz")
-    rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, broken_off)]
-    assert all(row.pop("seconds") for each in rows for row in each)
-    assert rows[0] == rows[1]
-    before = (broken_off / "last_policy.npz").read_bytes()
-    outcome = train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), broken_off, resume=True)  # it is complete
-    assert (broken_off / "last_policy.npz").read_bytes() == before
-    assert outcome.last["steps"] == 12800
-
-
-def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fit = Student.fit
-
-    def signalled(student: Student, rollouts: list[Rollout]) -> None:
-        os.kill(os.getpid(), signal.SIGTERM)
-        fit(student, rollouts)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Student, "fit", signalled)
-        with pytest.raises(TrainingStopped) as caught:
-            train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run")
-    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 6400)
-    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no checkpoint")
-    with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
-        train(DAggerConfig(**TAUGHT, plans=str(run / "plans")), tmp_path / "run", resume=True)
-
-
-def test_only_the_same_configuration_resumes(run: Path) -> None:
-    with pytest.raises(FileExistsError, match=re.escape(str(run))):
-        train(DAggerConfig(**TAUGHT), run)
-    with refuses(ValueError, "knee = 0.5: the training in", "has 0.06; only the same configuration resumes"):
-        train(DAggerConfig(**TAUGHT, knee=0.5), run, resume=True)
-
-
-def test_the_checkpoint_of_another_teaching_is_refused(run: Path, tmp_path: Path) -> None:
-    other = RunFolder(tmp_path / "other")
-    other.begin(DAggerConfig(**TAUGHT, seed=1), json.loads((run / "versions.json").read_text()))
-    shutil.copy(run / "checkpoint.zip", other.checkpoint)
-    with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
-        train(DAggerConfig(**TAUGHT, seed=1), other.path, resume=True)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"arms": 3}, "arms = 3: must be even, half of them for each lap"),
-        ({"lags": [2, 1]}, "lags = (2, 1): must increase"),
-        ({"lags": 3}, "lags = 3: must be a list or a tuple"),
-        ({"averaging": 1.5}, "averaging = 1.5"),
-        ({"plants": [1, 3]}, "plants[0] = 1"),
-        ({"rouns": 3}, "rounds"),
-        ({"curriculum_options": {"noise": -1.0}}, "noise = -1.0"),
-    ],
-)
-def test_bad_configurations(changes: dict[str, Any], words: str) -> None:
-    with refuses((TypeError, ValueError), words):
-        DAggerConfig.of(TAUGHT | changes)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
-from flexarm_agents import DAggerConfig, FOPGConfig, NetworkPolicy, Score, StandardScore, config_of, train
+from flexarm_agents import NetworkPolicy, Score, StandardScore, config_of, train
+from flexarm_agents.training.config import RunConfig
+from flexarm_env.envs.vector import FlexArmVectorEnv
 
 ID = "FlexArm/Square-v0"
 
@@ -68,8 +74,9 @@ TINIES: dict[str, dict[str, Any]] = {
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
+    "algorithm": "dagger",
     "arms": 4,
-    "rounds": 2,
+    "rounds": 3,
     "updates": 30,
     "batch": 64,
     "hidden": [16, 8],
@@ -79,6 +86,7 @@ TAUGHT: dict[str, Any] = {
 }
 
 DESCENDED: dict[str, Any] = {
+    "algorithm": "fopg",
     "arms": 4,
     "rounds": 2,
     "candidates": 3,
@@ -100,25 +108,36 @@ def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
     return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
 
 
-def descended(folder: Path) -> Path:
-    """Run a tiny training by first-order gradients in a folder below this one."""
-    run = folder / "descended"
-    train(FOPGConfig(**DESCENDED), run)
-    return run
-
-
-def taught(folder: Path) -> Path:
-    """Run a tiny teaching in a folder below this one."""
-    run = folder / "taught"
-    train(DAggerConfig(**TAUGHT), run)
-    return run
-
-
 def finished(folder: Path) -> Path:
     """Run the tiny training in a folder below this one."""
     run = folder / "tiny"
     train(config_of(**TINY), run)
     return run
+
+
+@contextmanager
+def at_step(number: int, act: Callable[[], None]) -> Iterator[None]:
+    """Within `with`, do something in the middle of a training: as its environments' batch begins a step of a number."""
+    step, count = FlexArmVectorEnv.step, itertools.count()
+
+    def counted(self: FlexArmVectorEnv, actions: Any) -> Any:
+        if next(count) == number:
+            act()
+        return step(self, actions)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FlexArmVectorEnv, "step", counted)
+        yield
+
+
+def broken_off(config: RunConfig, folder: Path, number: int) -> None:
+    """Begin a training, and break it off at a step; see `at_step`."""
+
+    def interrupt() -> None:
+        raise Interrupted
+
+    with at_step(number, interrupt), pytest.raises(Interrupted):
+        train(config, folder)
 
 
 def same_policy(one: Path, other: Path) -> bool:

@@ -1,0 +1,221 @@
+"""The contract of all trainings: what one leaves, that it resumes to the same bits, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import shutil
+import signal
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from flexarm_agents import StandardScore, TrainingStopped, config_of, evaluate, load_policy, train
+from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents.policies.encoders import PastReadings
+from flexarm_agents.policies.lstm import Lstm
+from flexarm_agents.policies.observer import Observer
+from flexarm_agents.training.checkpoint import read_checkpoint
+from flexarm_agents.training.config import RunConfig, read_config
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_env.kernels.layout import Row
+from flexarm_env.laps import LAPS
+from tests.support.refusals import refuses
+from tests.support.trainings import DESCENDED, TAUGHT, TINIES, TINY, at_step, broken_off, same_policy
+
+CASES = {"ppo": TINY, **TINIES, "dagger": TAUGHT, "fopg": DESCENDED}
+# Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part.
+BREAKS = {"ppo": (15, 100), "dagger": (2000, 3500), "fopg": (100, 160, 175)}
+SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
+    ("ppo", signal.SIGINT, 15, 128),
+    ("ppo", signal.SIGTERM, 75, 384),
+    ("tqc", signal.SIGTERM, 75, 304),
+    ("dagger", signal.SIGTERM, 2000, 12800),
+    ("fopg", signal.SIGTERM, 50, 64),
+]
+STEPS = {"dagger": [6400, 12800, 19200], "fopg": [64, 128, 192, 256]}
+ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
+ENCODERS["dagger"] = PastReadings
+LEFT = {
+    "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
+    "tensorboard", "versions.json",
+}  # fmt: skip
+MORE = {"dagger": {"plans"}, "fopg": set(), "initial": {"best_model.zip", "initial_policy.npz"}}
+
+
+class Runs:
+    """Each training once, undisturbed; their folders must not be changed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def config(self, name: str, **changes: Any) -> Any:
+        values = dict(CASES[name])
+        if name == "dagger" and (plans := self.folder / name / "plans").exists():
+            values["plans"] = str(plans)
+        return config_of(**values | changes)
+
+    def __call__(self, name: str) -> Path:
+        folder = self.folder / name
+        if not folder.exists():
+            train(self.config(name), folder)
+        return folder
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    return Runs(tmp_path_factory.mktemp("runs"))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def evaluations(folder: Path) -> Any:
+    """Return all rows without their times."""
+    rows = json.loads((folder / "evaluations.json").read_text())
+    assert all(row.pop("seconds") for row in rows)
+    return rows
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_a_training_leaves(runs: Runs, name: str) -> None:
+    run, rows = runs(name), evaluations(runs(name))
+    assert {path.name for path in run.iterdir()} == LEFT | MORE.get(name, {"best_model.zip"})
+    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
+    if name in ("ppo", *STEPS):
+        assert [row["steps"] for row in rows] == STEPS.get(name, [256, 512])
+    with (run / "evaluations.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    for lap in LAPS:
+        errors = [str(row[lap]["rms"] or "") for row in rows]  # of a lap that ended early: none
+        assert [row[f"{lap}_rms"] for row in table] == errors
+        assert [float(row[f"{lap}_duration"]) for row in table] == [row[lap]["duration"] for row in rows]
+        assert [float(row[f"{lap}_peak_torque_2"]) for row in table] == [row[lap]["peak_torque"][1] for row in rows]
+    best = load_policy(run)
+    assert (best.environment, best.options, best.name) == ("FlexArm/Square-v0", CASES[name].get("options", {}), name)
+    assert type(best.policy.encoder) is ENCODERS.get(name, type(None))
+    assert (best.policy.log_std_weights is not None) == (name in ("sac", "sac curriculum", "tqc"))
+    again = evaluate(best.make_env(), best.policy, seed=1_000_003)
+    assert again.as_mapping() == {lap: best.notes["evaluation"][lap] for lap in LAPS}
+    ranks = [rank([StandardScore.of(row)]) for row in rows]
+    assert {**best.notes["evaluation"], "seconds": 0.0} == {**rows[ranks.index(min(ranks))], "seconds": 0.0}
+    assert read_config(best.notes["config"]) == runs.config(name, **({"plans": None} if name == "dagger" else {}))
+    versions = json.loads((run / "versions.json").read_text())
+    assert best.notes["versions"] == versions
+    assert set(versions) >= {"python", "code", "torch", "numpy", "sb3_contrib"}
+
+
+@pytest.mark.parametrize(("name", "step"), [(name, step) for name in CASES for step in BREAKS.get(name, (100,))])
+def test_an_interrupted_training_ends_in_the_same_bits(runs: Runs, tmp_path: Path, name: str, step: int) -> None:
+    """Replay buffers, memories of encoders, candidates and plans go on as they were; what is complete is left alone."""
+    whole, run, config = runs(name), tmp_path / "run", runs.config(name)
+    broken_off(config, run, step)
+    assert (run / "checkpoint.zip").exists() == (step != 15)
+    np.random.seed(5)  # noqa: NPY002
+    torch.manual_seed(5)  # what the generators did meanwhile has no influence
+    train(config, run, resume=True)
+    assert same_policy(whole / "last_policy.npz", run / "last_policy.npz")
+    assert evaluations(whole) == evaluations(run)
+    before = files(run)
+    assert train(config, run, resume=True).last["steps"] == evaluations(run)[-1]["steps"]
+    assert files(run) == before
+
+
+@pytest.mark.parametrize(("name", "number", "step", "kept"), SIGNALS)
+def test_a_signal_keeps_every_step(
+    runs: Runs, tmp_path: Path, name: str, number: signal.Signals, step: int, kept: int
+) -> None:
+    """The part is finished and a checkpoint written, though none is due; what resumes ends in the same bits."""
+    before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+    whole, run = runs(name), tmp_path / "run"
+    config = runs.config(name, **({} if name in STEPS else {"checkpoint_every": 10_000}))
+    with at_step(step, lambda: os.kill(os.getpid(), number)), pytest.raises(TrainingStopped) as caught:
+        train(config, run)
+    assert (caught.value.signal, caught.value.steps) == (number, kept)
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert read_checkpoint(run / "checkpoint.zip", config)
+    assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
+    train(config, run, resume=True)
+    assert same_policy(whole / "last_policy.npz", run / "last_policy.npz")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_another_training_and_a_spoilt_one_are_refused(runs: Runs, tmp_path: Path, name: str) -> None:
+    """Neither is a folder overwritten, nor do weights end under another configuration's name."""
+    run, config, other = runs(name), runs.config(name), runs.config(name, seed=4, learning_rate=0.02)
+    before = files(run)
+    with pytest.raises(FileExistsError, match=rf"folder = {re.escape(str(run))}: exists and is not empty; resume"):
+        train(config, run)
+    refused = "has 0; only the same configuration resumes (different: seed, learning_rate)"
+    with refuses(ValueError, f"seed = 4: the training in {run} {refused}"):
+        train(other, run, resume=True)
+    assert files(run) == before
+    theirs = RunFolder(tmp_path / "other")
+    theirs.begin(other, json.loads((run / "versions.json").read_text()))
+    shutil.copy(run / "checkpoint.zip", theirs.checkpoint)
+    left = files(theirs.path)
+    with refuses(ValueError, f"seed = 4: the training in {theirs.checkpoint} {refused}"):
+        train(other, theirs.path, resume=True)
+    assert files(theirs.path) == left
+    spoilt = shutil.copytree(run, tmp_path / "spoilt")
+    (spoilt / "checkpoint.zip").write_bytes(b"no zip")
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
+        train(config, spoilt, resume=True)
+
+
+def moved(path: Path) -> None:
+    """Say that the zip's list of contents is elsewhere, which the system refuses to look up."""
+    content = bytearray(path.read_bytes())
+    content[-3] ^= 1
+    path.write_bytes(content)
+
+
+def without_configuration(path: Path) -> None:
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist() if name != "config.json"}
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
+
+
+@pytest.mark.parametrize("spoil", [moved, without_configuration])
+def test_a_checkpoint_is_whole(runs: Runs, tmp_path: Path, spoil: Any) -> None:
+    path = Path(shutil.copy(runs("ppo") / "checkpoint.zip", tmp_path))
+    taught: RunConfig = config_of(**TAUGHT)
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint", "algorithm = 'ppo': must be one of 'dagger'"):
+        read_checkpoint(path, taught)
+    spoil(path)
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint of this version"):
+        read_checkpoint(path, config_of(**TINY))
+
+
+@pytest.mark.parametrize("changed", ["layout", "name"])
+def test_a_checkpoint_of_another_version_is_refused(
+    runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    """Its memory has another layout, or it needs a class that this version does not have."""
+    run = shutil.copytree(runs("ppo"), tmp_path / "run")
+    if changed == "layout":
+        monkeypatch.setattr(Row, "entries", (*Row.entries[1:], Row.entries[0]))
+    else:
+        monkeypatch.delattr("flexarm_env.envs.batch.BatchSimulator")
+    before = files(run)
+    with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of another version \(.*\); resume it with"):
+        train(config_of(**TINY), run, resume=True)
+    assert files(run) == before
+
+
+def test_a_folder_without_a_training(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"folder = .*nothing: holds no config.json"):
+        train(config_of(**TINY), tmp_path / "nothing", resume=True)
+    assert not (tmp_path / "nothing").exists()
+    (tmp_path / "file").touch()
+    with pytest.raises(FileExistsError, match="file: exists"):
+        train(config_of(**TINY), tmp_path / "file")
