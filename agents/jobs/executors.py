@@ -10,6 +10,7 @@ import os
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -69,7 +70,6 @@ class Processes:
     """Processes of this machine."""
 
     def __init__(self, count: int) -> None:
-        """Keep their number."""
         self.count = count
 
     def run(
@@ -80,19 +80,13 @@ class Processes:
         with worker_pool(min(self.count, len(jobs)), stoppable) as pool:
             waiting = {pool.submit(function, job): n for n, job in enumerate(jobs)}
             for done in as_completed(waiting):
-                error = done.exception()
-                yield waiting[done], done.result() if error is None else error
+                yield waiting[done], done.exception() or done.result()
 
 
 class Ray:
     """A Ray cluster: the one that this process or machine is connected with, or a local one."""
 
     def __init__(self, count: int) -> None:
-        """Import Ray.
-
-        Raises:
-            ImportError: without it, naming the extra.
-        """
         with needs_extra("executor = 'ray'", "ray"):
             import ray
         self.ray, self.count = ray, count
@@ -102,9 +96,12 @@ class Ray:
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """See `Executor.run`."""
         ray = self.ray
-        started = not ray.is_initialized()
-        if started:
-            self._connect()
+        if started := not ray.is_initialized():
+            quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+            try:
+                ray.init(address=os.environ.get("RAY_ADDRESS", "auto"), **quiet)
+            except ConnectionError:  # there is no cluster
+                ray.init(num_cpus=self.count, include_dashboard=False, **quiet)
         try:
             remote = ray.remote(num_cpus=1, runtime_env={"env_vars": THREADS})(function)
             waiting = {remote.remote(job): n for n, job in enumerate(jobs)}
@@ -119,13 +116,6 @@ class Ray:
             if started:
                 ray.shutdown()
 
-    def _connect(self) -> None:
-        quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
-        try:
-            self.ray.init(address=os.environ.get("RAY_ADDRESS", "auto"), **quiet)
-        except ConnectionError:  # there is no cluster
-            self.ray.init(num_cpus=self.count, include_dashboard=False, **quiet)
-
 
 def _own_error(error: Exception) -> Exception:
     """Return what a job raised, with Ray's account of where as a note; Ray's own error where no job raised one."""
@@ -137,20 +127,9 @@ def _own_error(error: Exception) -> Exception:
 
 
 class Submitit:
-    """Tasks of Slurm, or processes, by submitit."""
+    """Tasks of Slurm, or processes, by submitit; each gets an equal share of the jobs."""
 
     def __init__(self, count: int, folder: Path, cluster: str, parameters: Mapping[str, Any]) -> None:
-        """Import submitit.
-
-        Args:
-            count: tasks; each gets an equal share of the jobs.
-            folder: for its files.
-            cluster: "slurm" or "local".
-            parameters: see `executor`.
-
-        Raises:
-            ImportError: without it, naming the extra.
-        """
         with needs_extra(f"executor = {cluster!r}", "slurm"):
             import submitit
         self.submitit, self.count, self.folder, self.cluster = submitit, count, folder, cluster
@@ -163,7 +142,7 @@ class Submitit:
         chosen = self.submitit.AutoExecutor(folder=self.folder, cluster=self.cluster)
         chosen.update_parameters(**self.parameters)
         shares = [range(n, len(jobs), self.count) for n in range(min(self.count, len(jobs)))]
-        tasks = chosen.map_array(_Share(function), [[jobs[n] for n in share] for share in shares])
+        tasks = chosen.map_array(partial(_run_share, function), [[jobs[n] for n in share] for share in shares])
         numbers = {task.job_id: share for task, share in zip(tasks, shares, strict=True)}
         for task in self.submitit.helpers.as_completed(tasks):
             error = task.exception()
@@ -171,18 +150,13 @@ class Submitit:
             yield from zip(numbers[task.job_id], found, strict=True)
 
 
-class _Share:
-    """Runs a share of the jobs, one after the other."""
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self.function = function
-
-    def __call__(self, jobs: Sequence[Any]) -> list[Any]:
-        results: list[Any] = []
-        for job in jobs:
-            try:
-                results.append(self.function(job))
-            except Exception as error:  # that of one job; the others go on
-                error.add_note(traceback.format_exc())  # a pickled error has no traceback of its own
-                results.append(error)
-        return results
+def _run_share(function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+    """Run jobs one after the other; what one raises takes the place of its result."""
+    results: list[Any] = []
+    for job in jobs:
+        try:
+            results.append(function(job))
+        except Exception as error:  # that of one job; the others go on
+            error.add_note(traceback.format_exc())  # a pickled error has no traceback of its own
+            results.append(error)
+    return results

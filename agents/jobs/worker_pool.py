@@ -11,12 +11,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
 from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnContext, SpawnProcess
-from multiprocessing.process import BaseProcess
 from typing import Any
 
 from flexarm_agents.jobs.stopping import STOPPING, StopSignals, TrainingStopped, ask_to_stop, is_asked_to_stop
@@ -24,38 +23,29 @@ from flexarm_agents.jobs.stopping import STOPPING, StopSignals, TrainingStopped,
 GLANCE = 0.1  # between two looks for a second signal [s]
 
 
-class WorkerPool:
-    """Processes that run jobs; made by `worker_pool`."""
+class WorkerPool(ProcessPoolExecutor):
+    """Processes that run jobs; made by `worker_pool`.
 
-    def __init__(self, executor: ProcessPoolExecutor) -> None:
-        """Keep the executor."""
-        self._executor = executor
+    Attributes:
+        jobs: all that were submitted.
+    """
 
-    def submit(self, job: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def __init__(self, count: int, asked: Connection) -> None:
+        """Make an executor whose workers stop when `asked` is closed."""
+        self.jobs: list[Future[Any]] = []
+        context = multiprocessing.get_context("spawn")
+        with _blocked_signals():  # this starts multiprocessing's resource tracker, which does not handle SIGHUP
+            super().__init__(count, mp_context=context, initializer=_follow_parent, initargs=(asked,))
+
+    def submit(self, job: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
         """Call `job` in a worker; see `Executor.submit`.
 
         A worker begins with the signals blocked that ask a script to stop: the parent handles them, and a
         terminal sends Ctrl-C to both.
         """
         with _blocked_signals():
-            return self._executor.submit(_carry_out, job, *arguments)
-
-
-class _Spawning(SpawnContext):
-    """Spawns processes, and lists them: the caller may have other children, which must not be killed.
-
-    Attributes:
-        made: the processes.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.made: list[SpawnProcess] = []
-
-    def Process(self, *arguments: Any, **named: Any) -> SpawnProcess:  # type: ignore[override]
-        """Make a process; see `multiprocessing.Process`."""
-        self.made.append(SpawnProcess(*arguments, **named))
-        return self.made[-1]
+            self.jobs.append(super().submit(_carry_out, job, *arguments, **named))
+        return self.jobs[-1]
 
 
 @contextmanager
@@ -69,42 +59,26 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
         count: how many.
         stoppable: the jobs stop on `StopSignals`.
     """
-    context = _Spawning()
-    asked, asking = context.Pipe(duplex=False)  # the end of this pipe is the request to stop
-    with _blocked_signals():  # this starts multiprocessing's resource tracker, which does not handle SIGHUP
-        executor = ProcessPoolExecutor(count, mp_context=context, initializer=_follow_parent, initargs=(asked,))
-    try:
-        yield WorkerPool(executor)
-    except BaseException:
-        # In a thread, since it waits for the workers; without waiting, the executor would forget its own thread, which
-        # may then close what the interpreter, as it ends, writes to.
-        closing = threading.Thread(target=executor.shutdown, kwargs={"cancel_futures": True})
-        closing.start()
-        asking.close()
-        workers = [one for one in multiprocessing.active_children() if one in context.made]
-        if stoppable:
-            _wait_for(workers)
-        for worker in workers:
-            worker.kill()
-        for worker in workers:
-            worker.join()
-        closing.join()
-        raise
-    finally:
-        executor.shutdown()
-        asking.close()
-        asked.close()
+    asked, asking = multiprocessing.Pipe(duplex=False)  # the end of this pipe is the request to stop
+    with asked, asking, WorkerPool(count, asked) as pool:
+        try:
+            yield pool
+        except BaseException:
+            asking.close()
+            if stoppable:
+                _wait_for(pool.jobs)
+            for worker in [*(pool._processes or {}).values()]:  # the caller may have other children
+                worker.kill()
+            raise
 
 
-def _wait_for(workers: Sequence[BaseProcess]) -> None:
-    """Wait until workers have ended, or a signal comes."""
-    left = [worker for worker in workers if worker.is_alive()]
+def _wait_for(jobs: Collection[Future[Any]]) -> None:
+    """Wait until jobs have ended, or a signal comes."""
     with StopSignals() as stop:  # before the line, whose reader may send the other signal at once
-        if left:
+        if not all(job.done() for job in jobs):
             sys.stderr.write("\nwaiting until the jobs can be resumed; another signal ends them at once\n")
-        while left and stop.received is None:
-            wait([worker.sentinel for worker in left], GLANCE)
-            left = [worker for worker in left if worker.is_alive()]
+        while stop.received is None and wait_for(jobs, GLANCE).not_done:
+            pass
 
 
 @contextmanager
@@ -121,11 +95,7 @@ def _blocked_signals() -> Iterator[None]:
 
 
 def _follow_parent(asked: Connection) -> None:
-    """Watch, in a worker, for the parent's request to stop, and for its end.
-
-    Args:
-        asked: ends when the workers are to stop. The system closes it, and the parent's sentinel, with the parent.
-    """
+    """Watch, in a worker, for the parent's request to stop, and for its end; the system closes both with the parent."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -138,8 +108,8 @@ def _follow_parent(asked: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _carry_out(job: Callable[..., Any], *arguments: Any) -> Any:
+def _carry_out(job: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """Do a job in a worker, unless it is to stop: a pool queues one job more than it has workers."""
     if is_asked_to_stop():
         raise TrainingStopped(signal.SIGTERM, 0)
-    return job(*arguments)
+    return job(*arguments, **named)

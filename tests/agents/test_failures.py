@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_agents.jobs.executors import _own_error, _Share
+from flexarm_agents.jobs.executors import _own_error, _run_share
 from flexarm_agents.jobs.failures import LOG, Failure, check_failures
 from tests.support.refusals import refuses
 
@@ -44,7 +44,7 @@ def test_each_failure_has_a_line_and_a_traceback(tmp_path: Path, capsys: pytest.
 
 
 def test_what_failed_in_a_worker_brings_its_traceback() -> None:
-    (error,) = pickle.loads(pickle.dumps(_Share(fails)([7])))
+    (error,) = pickle.loads(pickle.dumps(_run_share(fails, [7])))
     assert type(error) is KeyError
     assert "in fails" in error.__notes__[0]
 

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -207,18 +208,15 @@ def test_a_signal_that_comes_with_the_line_ends_the_wait(monkeypatch: pytest.Mon
         def write(self, line: str) -> None:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    worker = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(20.0,))
-    worker.start()
+    job: Future[None] = Future()
     before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
         with monkeypatch.context() as patched:
             patched.setattr(sys, "stderr", Reader())
-            worker_pool_module._wait_for([worker])
-        assert worker.is_alive()
+            worker_pool_module._wait_for([job])
+        assert not job.done()
     finally:
         signal.signal(signal.SIGTERM, before)
-        worker.kill()
-        worker.join()
 
 
 def test_no_thread_of_a_pool_outlives_an_error() -> None:
