@@ -153,7 +153,7 @@ def test_another_training_and_a_spoilt_one_are_refused(runs: Runs, tmp_path: Pat
     before = files(run)
     with pytest.raises(FileExistsError, match=rf"folder = {re.escape(str(run))}: exists and is not empty; resume"):
         train(config, run)
-    refused = "has 0; only the same configuration resumes (different: seed, learning_rate)"
+    refused = f"has {config.seed}; only the same configuration resumes (different: seed, learning_rate)"
     with refuses(ValueError, f"seed = 4: the training in {run} {refused}"):
         train(other, run, resume=True)
     assert files(run) == before
