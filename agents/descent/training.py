@@ -58,6 +58,7 @@ class FOPGTraining(Rounds):
                 the options.
         """
         super().__init__(config, run)
+        self.round_steps = config.steps
         check_curriculum(config)
         check_differentiable(settings_of(config.environment, config.options | config.curriculum_options))
 
@@ -80,16 +81,6 @@ class FOPGTraining(Rounds):
         blocks = driver.env.observation_blocks
         own = settings_of(self.config.environment, self.config.options).observation
         return Learner(self.config, Observations(driver.env), max(blocks[name].stop for name in own))
-
-    @property
-    def rounds(self) -> int:
-        """See `Rounds`."""
-        return self.config.all_rounds
-
-    @property
-    def round_steps(self) -> int:
-        """See `Rounds`."""
-        return self.config.steps
 
     def next_round(self) -> None:
         """See `Rounds`."""

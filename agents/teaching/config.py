@@ -65,3 +65,8 @@ class DAggerConfig(RunConfig):
         super().__post_init__()
         if self.arms % 2:
             raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")
+
+    @property
+    def all_rounds(self) -> int:
+        """Rounds of the whole training."""
+        return self.rounds

@@ -60,17 +60,12 @@ class DAggerTraining(Rounds):
         return run_rollout(self.env, self.teacher, student, self.config, number)
 
     @property
-    def done(self) -> int:
+    def done(self) -> int:  # type: ignore[override]
         """See `Rounds`."""
         return len(self.students)
 
     @property
-    def rounds(self) -> int:
-        """See `Rounds`."""
-        return self.config.rounds
-
-    @property
-    def round_steps(self) -> int:
+    def round_steps(self) -> int:  # type: ignore[override]
         """See `Rounds`."""
         return self.config.arms * self.teacher.periods
 

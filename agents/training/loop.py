@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import logging
 import random
 import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,45 @@ import torch
 from stable_baselines3.common.logger import Logger, configure
 from tqdm import tqdm
 
+from flexarm_agents.environments import make_one
+from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.training.checkpoint import read_checkpoint, write_checkpoint
 from flexarm_agents.training.config import RunConfig
-from flexarm_agents.training.evaluator import Evaluator, TrainingProgress
 from flexarm_agents.training.run_folder import RunFolder
+
+_log = logging.getLogger(__name__)
+EVALUATION_SEED = 1_000_003  # not one of the training's, for any small seed
+WORST = (2**31, 0.0)  # a rank that every evaluation beats
+
+
+@dataclass(kw_only=True)
+class TrainingProgress:
+    """What a training found so far, and when the next evaluation and checkpoint are due.
+
+    Attributes:
+        rows: rows of the evaluations.
+        best: index of the best row, None before the first.
+        best_rank: rank of that row, see `scoring.rank`.
+        seconds: wall time of the training, compiling and evaluations included, in this process and those
+            before [s].
+        next_evaluation: steps at which it is due; None before the first.
+        next_checkpoint: steps at which it is due; None before the first.
+    """
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    best: int | None = None
+    best_rank: tuple[int, float] = WORST
+    seconds: float = 0.0
+    next_evaluation: int | None = None
+    next_checkpoint: int | None = None
+
+    @property
+    def state(self) -> str:
+        """The best evaluation in a few words."""
+        return f"best {self.best_rank[1]:.3f} m" if self.best_rank[0] == 0 else "none with complete laps yet"
 
 
 class Training(ABC):
@@ -38,12 +72,7 @@ class Training(ABC):
     logger: Logger
 
     def __init__(self, config: RunConfig, run: RunFolder) -> None:
-        """Check that the training is possible; nothing is written.
-
-        Args:
-            config: the configuration.
-            run: folder of the training.
-        """
+        """Check that the training is possible; nothing is written."""
         self.config, self.run, self.progress = config, run, TrainingProgress()
 
     @property
@@ -72,11 +101,7 @@ class Training(ABC):
 
     @abstractmethod
     def learn(self, pause: Callable[[], None]) -> None:
-        """Train to the end.
-
-        Args:
-            pause: to be called before each part.
-        """
+        """Train to the end, and call `pause` before each part."""
 
     @abstractmethod
     def policy(self) -> NetworkPolicy:
@@ -84,26 +109,17 @@ class Training(ABC):
 
     @abstractmethod
     def state(self, complete: bool) -> dict[str, Any]:
-        """Return what a checkpoint keeps, by name.
-
-        Args:
-            complete: the training is over, so that nothing is needed that is only for learning.
-        """
+        """Return what a checkpoint keeps, by name; of a complete training nothing that is only for learning."""
 
     @abstractmethod
     def restore(self, state: dict[str, Any]) -> None:
-        """Make environments and networks as they were.
-
-        Args:
-            state: what `state` returned.
-        """
+        """Make environments and networks as they were, of what `state` returned."""
 
     @abstractmethod
     def close(self) -> None:
         """Close the environments, if they were made."""
 
-    @abstractmethod
-    def keep_best(self) -> None:
+    def keep_best(self) -> None:  # noqa: B027
         """Keep more of the best policy than its numbers, where the algorithm has more."""
 
     def save(self, complete: bool) -> None:
@@ -130,26 +146,19 @@ class Training(ABC):
 
 
 class Rounds(Training):
-    """A training in rounds, each of which ends with an evaluation and a checkpoint."""
+    """A training in rounds, each of which ends with an evaluation and a checkpoint.
 
-    @property
-    @abstractmethod
-    def done(self) -> int:
-        """Rounds so far."""
+    Attributes:
+        done: rounds so far.
+        round_steps: environment steps of a round.
+    """
 
-    @property
-    @abstractmethod
-    def rounds(self) -> int:
-        """Rounds of the whole training."""
-
-    @property
-    @abstractmethod
-    def round_steps(self) -> int:
-        """Environment steps of a round."""
+    done: int
+    round_steps: int
 
     @abstractmethod
     def next_round(self) -> None:
-        """Run the next round, and record its figures."""
+        """Run the next round, record its figures, and count it."""
 
     @property
     def steps(self) -> int:
@@ -159,7 +168,7 @@ class Rounds(Training):
     @property
     def total(self) -> int:
         """See `Training`."""
-        return self.rounds * self.round_steps
+        return int(self.config.all_rounds * self.round_steps)
 
     @property
     def evaluate_every(self) -> int:
@@ -171,12 +180,9 @@ class Rounds(Training):
         """See `Training`."""
         return self.round_steps
 
-    def keep_best(self) -> None:
-        """Keep nothing: the policy's numbers are all."""
-
     def learn(self, pause: Callable[[], None]) -> None:
         """See `Training`."""
-        while self.done < self.rounds:
+        while self.steps < self.total:
             pause()
             self.next_round()
 
@@ -194,7 +200,8 @@ class TrainingLoop:
         """
         self._training, self._stop = training, stop
         training.logger = configure(str(training.run.logs), ["tensorboard"])
-        self._evaluator = Evaluator(training.config, training.run, training.progress)
+        self._env = make_one(training.config.environment, training.config.options)
+        self._versions = json.loads(training.run.versions.read_text())
         self._began, self._before = time.perf_counter(), training.progress.seconds
         with_bar = progress and sys.stderr.isatty()
         steps = {"initial": training.steps, "total": training.total, "unit": " steps", "unit_scale": True}
@@ -215,7 +222,7 @@ class TrainingLoop:
         """Close files, environments and the bar."""
         if self._bar is not None:
             self._bar.close()
-        self._evaluator.close()
+        self._env.close()
         self._training.logger.close()
 
     def _pause(self) -> None:
@@ -236,19 +243,42 @@ class TrainingLoop:
             self._evaluate()
             found.next_evaluation = _after(training.steps, training.evaluate_every)
         if last:
-            put(training.run.last, self._evaluator.noted(training.policy()).save)
+            put(training.run.last, self._noted(training.policy()).save)
         if last or training.steps >= (found.next_checkpoint or training.checkpoint_every):
             found.next_checkpoint = _after(training.steps, training.checkpoint_every)
             training.save(complete=last)
 
     def _evaluate(self) -> None:
-        training = self._training
-        if self._evaluator.judge(training.policy(), training.steps, training.logger):
+        """Score the policy, log and show the figures, and keep it if it is the best so far."""
+        training, found, config = self._training, self._training.progress, self._training.config
+        policy = training.policy()
+        scores = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(config.evaluation_laps)]
+        worst = StandardScore(*(max(laps, key=lambda lap: lap.rank) for laps in zip(*scores, strict=True)))
+        row = {"steps": training.steps, "seconds": round(found.seconds, 2), **worst.as_mapping()}
+        found.rows.append(row)
+        for lap, figures in worst.as_mapping().items():
+            for name in ("rms", "maximum", "rms_after_2s", "duration"):
+                if figures[name] is not None:
+                    training.logger.record(f"evaluation/{lap}/{name}", figures[name])
+        training.logger.dump(training.steps)
+        training.run.write_evaluations(found.rows)
+        if (of_these := rank(scores)) < found.best_rank:
+            found.best, found.best_rank = len(found.rows) - 1, of_these
+            put(training.run.best, self._noted(policy).save)
             training.keep_best()
         if self._bar is not None:
-            self._bar.set_postfix_str(training.progress.state)
+            self._bar.set_postfix_str(found.state)
         else:
-            self._evaluator.report()
+            _log.info("%9d steps  %6.0f s  %s; %s", training.steps, found.seconds, worst, found.state)
+
+    def _noted(self, policy: NetworkPolicy) -> NetworkPolicy:
+        """Return the policy that was scored last, with notes of what it was trained on and of its scores."""
+        notes = {
+            "config": self._training.config.plain(),
+            "evaluation": self._training.progress.rows[-1],
+            "versions": self._versions,
+        }
+        return replace(policy, notes=notes)
 
 
 def _after(steps: int, every: int) -> int:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from flexarm_agents.code_version import code_version
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.loop import Training, TrainingLoop
 from flexarm_agents.training.run_folder import RunFolder
-from flexarm_agents.training.versions import versions
+
+LIBRARIES = ("numpy", "numba", "torch", "stable_baselines3", "sb3_contrib", "gymnasium")
+WITHOUT_PART = ("flexarm_agents.commands", "flexarm_env.envs.rendering", "flexarm_env.envs.documentation")
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ def train(config: RunConfig, folder: str | Path | None = None, resume: bool = Fa
     run = RunFolder(config.folder if folder is None else folder)
     module, _, name = config.training.partition(":")
     training: Training = getattr(import_module(module), name)(config, run)
-    run.enter(config, versions([module, __name__]), resume)
+    run.enter(config, _versions(module), resume)
     with run.named(), one_thread(), StopSignals() as stop, closing(training):
         if run.checkpoint.exists():
             training.load()
@@ -66,6 +72,13 @@ def train(config: RunConfig, folder: str | Path | None = None, resume: bool = Fa
     found = training.progress
     assert found.best is not None
     return Outcome(run.path, found.rows[found.best], found.rows[-1])
+
+
+@cache
+def _versions(module: str) -> dict[str, str]:
+    """Return the versions of Python and the libraries, and the hash of the code of a training's module."""
+    code = code_version([module, __name__], WITHOUT_PART)
+    return {"python": platform.python_version(), "code": code} | {name: version(name) for name in LIBRARIES}
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from flexarm_agents import DAggerConfig, StandardScore, evaluate, load_policy
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
 from flexarm_agents.training.config import RunConfig
-from flexarm_agents.training.evaluator import EVALUATION_SEED
+from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.train import Outcome, train
 
