@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,9 @@ class Entry:
         if not NAME.fullmatch(self.name):
             raise ValueError(f"name = {self.name!r}: must match {NAME.pattern}")
 
+    def __hash__(self) -> int:
+        return hash(json.dumps(self.plain(), sort_keys=True))
+
     def plain(self) -> dict[str, Any]:
         """Return plain values, of which `Entry(**values)` makes the entry again."""
         return asdict(self)
@@ -69,7 +72,7 @@ class Entry:
     @property
     def interface(self) -> dict[str, Any]:
         """The entry's own options of its environments."""
-        return _recipe(_text(self)).interface
+        return _recipe(self).interface
 
     def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
         """Return the policy with its nominal environment on a task.
@@ -81,8 +84,7 @@ class Entry:
         Raises:
             TypeError, ValueError: if the policy cannot do this task, or is none.
         """
-        make = _candidate.__wrapped__ if fresh else _candidate
-        return make(_text(self), task)
+        return (_candidate.__wrapped__ if fresh else _candidate)(self, task)
 
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
         """Return the policy with any environment, both made anew.
@@ -94,7 +96,7 @@ class Entry:
         Raises:
             TypeError, ValueError: for a bad option, or an environment that does not fit the policy.
         """
-        recipe = _recipe(_text(self))
+        recipe = _recipe(self)
         whole = {**entry_options(recipe.interface), **options}
         env = make_one(environment, whole)
         return Candidate(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
@@ -108,7 +110,7 @@ class Entry:
     @property
     def fingerprint(self) -> dict[str, str]:
         """The hashes of the policy's data and of the code that it runs."""
-        policy, recipe = self.candidate().policy, _recipe(_text(self))
+        policy, recipe = self.candidate().policy, _recipe(self)
         named = [Path(file) for file in getattr(policy, "files", ())]
         files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
         return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
@@ -135,16 +137,11 @@ class Recipe:
     config: dict[str, Any] | None = None
 
 
-def _text(entry: Entry) -> str:
-    """Return an entry as text, the key of what a process keeps."""
-    return json.dumps(entry.plain(), sort_keys=True)
-
-
 @lru_cache(maxsize=64)
-def _candidate(text: str, task: str) -> Candidate:
-    entry, recipe, one = Entry(**json.loads(text)), _recipe(text), TASKS[task]
+def _candidate(entry: Entry, task: str) -> Candidate:
+    recipe = _recipe(entry)
     options = nominal_options(recipe.interface, task)
-    environment = SQUARE if one.hosted else one.environment
+    environment = SQUARE if TASKS[task].hosted else TASKS[task].environment
     env = make_one(environment, options)
     return Candidate(entry.name, recipe.make(env), env, environment, options)
 
@@ -156,36 +153,25 @@ def _modules(policy: Any) -> list[str]:
 
 
 @lru_cache(maxsize=64)
-def _recipe(text: str) -> Recipe:
+def _recipe(entry: Entry) -> Recipe:
     """Find out how an entry's policy is made."""
-    entry = Entry(**json.loads(text))
     if entry.source in CONTROLLERS:
         listed = CONTROLLERS[entry.source]
         own = interface_of({**listed.options, **entry.options})
         return Recipe(own, listed.make, {"controller": entry.source, "design": repr(dict(listed.design))})
     declared = IDS[entry.environment.partition("/")[2]].options
     if entry.algorithm is not None:
-        algorithm = entry.algorithm
-
-        def load(env: gymnasium.Env[Any, Any]) -> Any:
-            return loaded_model(entry.source, algorithm, env, entry.vec_normalize)
-
         own = interface_of({**declared, **entry.options})
         files = [entry.source] + [entry.vec_normalize] * (entry.vec_normalize not in ("", WITHOUT))
-        return Recipe(own, load, {"algorithm": algorithm}, tuple(map(Path, files)))
+        load = partial(loaded_model, entry.source, entry.algorithm, vec_normalize=entry.vec_normalize)
+        return Recipe(own, load, {"algorithm": entry.algorithm}, tuple(map(Path, files)))
     if ":" in entry.source and not Path(entry.source).exists():
         found = imported(entry.source)
         wanted = found.options() if hasattr(found, "options") else {}
         counted = {"last_actions": 1} if "observation" in wanted else {}  # else the id's own, which may have no effect
         own = interface_of({**declared, **counted, **wanted, **entry.options})
-        module = entry.source.partition(":")[0]
-        return Recipe(
-            own, lambda env: made_for(env, found, entry.source), {"attribute": entry.source}, modules=(module,)
-        )
-    return _trained(entry)
-
-
-def _trained(entry: Entry) -> Recipe:
+        make, label = partial(made_for, found=found, source=entry.source), {"attribute": entry.source}
+        return Recipe(own, make, label, modules=(entry.source.partition(":")[0],))
     trained = load_policy(entry.source)
     settings = settings_of(trained.environment, trained.options)
     own = {name: getattr(settings, name) for name in INTERFACE} | interface_of(entry.options)

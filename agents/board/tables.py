@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.markdown import table
 from flexarm_agents.board.references import gap
 from flexarm_agents.board.summary import LIMIT, counted, loss, nominal_errors, spans
 from flexarm_env.laps import LAPS
@@ -27,6 +26,12 @@ UNKNOWN = (  # heads
     "mean of the completed laps [mm]",
 )
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student", "agent student_unknown")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Write a Markdown table, one line a row; pipes in cells are escaped."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
 def ranked(board: Board) -> list[Mapping[str, Any]]:

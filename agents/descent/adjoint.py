@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.descent.costs import Costs
-from flexarm_agents.descent.observations import Observations, Seen
-from flexarm_agents.descent.readings import Instant, instants
+from flexarm_agents.descent.observations import Instant, Observations, Seen, instants
 from flexarm_agents.descent.window import Window, usable
 
 Floats = NDArray[np.float64]
@@ -47,12 +46,6 @@ class Adjoint:
     """
 
     def __init__(self, observations: Observations, window: Window) -> None:
-        """Compute the derivatives of all instants.
-
-        Args:
-            observations: of the batch.
-            window: the window.
-        """
         settings = observations.settings
         self._window, self._model, self._arm = window, observations, settings.flexible_arm
         self._step = settings.control_period / settings.substeps

@@ -17,6 +17,7 @@ from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.features import Measurements, features, in_frame, joint_errors
+from flexarm_env.kernels.delay_line import hermite
 from flexarm_env.validation import shown
 
 Floats = NDArray[np.float64]
@@ -73,6 +74,46 @@ class Task(NamedTuple):
     sensor_velocity: Floats
     previews: Floats
     phase: Floats
+
+
+class Instant(NamedTuple):
+    """An instant at which the arm's point is read for a late reading of the sensor on link 2.
+
+    Attributes:
+        periods: so many control periods before the one that begins when the reading arrives; 0: it begins then.
+        substeps: integration steps from the beginning of that earlier period to the instant.
+        position: weight of the point's position.
+        rate: weight of its velocity [s].
+    """
+
+    periods: int
+    substeps: int
+    position: float
+    rate: float
+
+
+def instants(settings: Settings) -> tuple[Instant, ...]:
+    """Return the instants of which a reading is the weighted sum.
+
+    The sensor's delay line keeps readings after each integration step; one between two steps is interpolated
+    (`flexarm_env.kernels.delay_line`).
+
+    Args:
+        settings: of the environment; its delay is neither drawn nor requested.
+    """
+    substeps = settings.substeps
+    step = settings.control_period / substeps
+    back = settings.sensor_delays[0] / step
+    if back == 0.0:
+        return (Instant(0, 0, 1.0, 0.0),)
+    whole = int(back)
+    at_first, at_last, rate_first, rate_last = (
+        float(hermite(a, b, a_rate, b_rate, step, 1.0 - (back - whole))[0])
+        for a, b, a_rate, b_rate in np.eye(4).tolist()
+    )
+    weights = {whole + 1: (at_first, rate_first), whole: (at_last, rate_last)}  # by steps before the reading arrives
+    periods = {steps: -(-steps // substeps) for steps in weights}
+    return tuple(Instant(n, n * substeps - steps, *weights[steps]) for steps, n in periods.items())
 
 
 class Observations:

@@ -74,12 +74,6 @@ class Normalized:
     batched = True
 
     def __init__(self, model: Any, statistics: Any) -> None:
-        """Keep both.
-
-        Args:
-            model: the model.
-            statistics: the `VecNormalize`.
-        """
         self._model, self._statistics = model, statistics
 
     def predict(
@@ -144,12 +138,7 @@ def from_controller(name: str, environment: str, options: Options, **design: Any
 
 
 def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:
-    """Make a policy for an environment of what a module holds.
-
-    Args:
-        env: the environment.
-        found: a class with `for_env` or without arguments, an object, or a function.
-        source: its name, for messages.
+    """Make a policy of what a module holds: a class with `for_env` or without arguments, an object, or a function.
 
     Raises:
         TypeError, ValueError: for a class that needs arguments, or an environment that does not fit it.

@@ -19,12 +19,6 @@ class EncodedVecEnv(VecEnvWrapper):
     """
 
     def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
-        """Wrap a batch.
-
-        Args:
-            venv: the batch.
-            encoder: of its observations.
-        """
         space = gymnasium.spaces.Box(-np.inf, np.inf, (encoder.inputs,), np.float32)
         super().__init__(venv, observation_space=space)
         self.encoder = encoder

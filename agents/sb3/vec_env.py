@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from flexarm_agents.environments import make_batch
-from flexarm_agents.sb3.infos import info_of
 from flexarm_env.envs.info import Episode
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -28,6 +27,7 @@ from flexarm_env.validation import choice, shown
 Observations = NDArray[np.float32]
 Infos = Literal["final", "all"]
 INFOS = ("final", "all")
+_OF_BATCHES = ("final_obs", "final_info")
 _THREADS = "OMP_NUM_THREADS"  # of the process's environment: how many threads torch takes
 _SINGLE = {"observation_space": "single_observation_space", "action_space": "single_action_space"}
 
@@ -103,13 +103,13 @@ class FlexArmVecEnv(VecEnv):
             _warn_of_threads()
         if alike or not self._begun:  # the first reset must be of all
             observations, infos = self.env.reset(seed=seeds, options=(alike and options[0]) or None)
-            self.reset_infos = [info_of(infos, i) for i in range(self.num_envs)]
+            self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
             self._begun = True
         if alike:
             return observations
         for i in range(self.num_envs):
             observations, infos = self._reset_one(i, seeds[i], options[i])
-            self.reset_infos[i] = info_of(infos, i)
+            self.reset_infos[i] = _info_of(infos, i)
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -131,12 +131,12 @@ class FlexArmVecEnv(VecEnv):
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         done = terminated | truncated
         if self.infos == "all":
-            entries = [{**info_of(infos, i), "TimeLimit.truncated": False} for i in range(self.num_envs)]
+            entries = [{**_info_of(infos, i), "TimeLimit.truncated": False} for i in range(self.num_envs)]
         else:
             entries = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
-            self.reset_infos[i] = info_of(infos, i)
-            entries[i] = info_of(infos["final_info"], i)
+            self.reset_infos[i] = _info_of(infos, i)
+            entries[i] = _info_of(infos["final_info"], i)
             entries[i]["terminal_observation"] = infos["final_obs"][i]
             entries[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
         return observations, rewards.astype(np.float32), done, entries
@@ -224,12 +224,18 @@ class FlexArmVecEnv(VecEnv):
         self, index: int, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
         observations, infos = self._reset_one(index, seed, options or {})
-        self.reset_infos[index] = info_of(infos, index)
+        self.reset_infos[index] = _info_of(infos, index)
         return observations[index], self.reset_infos[index]
 
     def _reset_one(self, index: int, seed: int | None, options: dict[str, Any]) -> tuple[Observations, dict[str, Any]]:
         mask = np.arange(self.num_envs) == index
         return self.env.reset(seed=[seed] * self.num_envs, options={**options, "reset_mask": mask})
+
+
+def _info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:
+    """Return the info of one environment of a batch as the single one would give it; arrays are copies."""
+    own = [name for name in infos if not name.startswith("_") and name not in _OF_BATCHES and infos[f"_{name}"][index]]
+    return {name: infos[name][index].copy() for name in own}
 
 
 def _warn_of_threads() -> None:

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents.board.markdown import table as table
+from flexarm_agents.board.tables import table as table
 from flexarm_agents.files import put
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

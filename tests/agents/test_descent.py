@@ -13,8 +13,7 @@ from stable_baselines3.common.logger import Logger
 from flexarm_agents import FOPGConfig, config_of, train
 from flexarm_agents.descent.adjoint import output_gradients, seen_in
 from flexarm_agents.descent.costs import costs, error_cost, largest_cost
-from flexarm_agents.descent.observations import Observations
-from flexarm_agents.descent.readings import instants
+from flexarm_agents.descent.observations import Observations, instants
 from flexarm_agents.descent.training import FOPGTraining
 from flexarm_agents.descent.window import Driver, Window
 from flexarm_agents.environments import make_batch
