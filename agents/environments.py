@@ -72,10 +72,6 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
 def settings_of(environment: str, options: Mapping[str, Any]) -> Settings:
     """Return all options of an environment, checked.
 
-    Args:
-        environment: its id, checked.
-        options: those that differ from the id's own.
-
     Raises:
         TypeError, ValueError: for an unknown or a bad one.
     """
@@ -84,10 +80,6 @@ def settings_of(environment: str, options: Mapping[str, Any]) -> Settings:
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
     """Make one environment.
-
-    Args:
-        environment: its id.
-        options: options of the environment.
 
     Raises:
         TypeError, ValueError: for an unknown id or a bad option.

@@ -108,7 +108,6 @@ class Store:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Name the folder."""
         self.folder = folder
 
     def path(self, key: str) -> Path:

@@ -60,11 +60,7 @@ class Point:
         return tuple(Episode(lap, FIRST_SEED + n) for lap in laps for n in self.seeds)
 
     def environment_options(self, interface: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of the environment in which an entry runs at this point.
-
-        Args:
-            interface: the row's own options.
-        """
+        """Return the options of the environment in which an entry runs at this point."""
         whole = {**nominal_options(interface, self.task), **self.options}
         return {**whole, "arm": dict(self.arm)} if self.arm else whole
 
@@ -131,9 +127,6 @@ def _unknown() -> Iterator[Point]:
 
 def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
     """Leave out the points at which another engine has the arm, if that is not installed.
-
-    Args:
-        columns: by name.
 
     Returns:
         The columns, and what to tell the user; "" if nothing is left out.

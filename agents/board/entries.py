@@ -89,10 +89,6 @@ class Entry:
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
         """Return the policy with any environment, both made anew.
 
-        Args:
-            environment: id of the environment, checked.
-            options: of the environment beside the entry's own.
-
         Raises:
             TypeError, ValueError: for a bad option, or an environment that does not fit the policy.
         """

@@ -61,10 +61,6 @@ class _Call(NamedTuple):
 def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run an entry at some points.
 
-    Args:
-        entry: the policy that is measured.
-        points: where.
-
     Returns:
         For each point "episodes", a mapping of plain values for each; or "not_applicable", why the entry cannot be
         run there.

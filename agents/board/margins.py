@@ -21,9 +21,6 @@ PLACES = 5  # on half a side of the square; the other sides repeat it
 def delay_margins(entry: Entry) -> Mapping[str, float] | None:
     """Return the least and the largest delay margin along the square [s], by the linear theory of an arm at rest.
 
-    Args:
-        entry: of the board.
-
     Returns:
         "least" and "most"; None for an entry whose loop is not linear, or does not contain the sensor.
     """

@@ -67,13 +67,6 @@ def measure(
 ) -> tuple[dict[str, Any], list[Failure]]:
     """Compute the missing cells, and add all up.
 
-    Args:
-        entries: the policies that are measured.
-        columns: by name.
-        store: has the cells, and gets those that are missing.
-        where: the executor that computes them.
-        progress: makes the bar for a number of cells.
-
     Returns:
         The board of the entries that have all their cells, and the jobs of the others that failed.
     """

@@ -21,9 +21,6 @@ Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of
 def lap_summary(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Add up episodes of one kind.
 
-    Args:
-        episodes: results of episodes, one at least.
-
     Returns:
         Their number, how many were lost and when the first of these was [s]; mean, least and largest of each figure of
         those that were complete, None where there is none; and the share of successes, where the task has a goal.
@@ -82,10 +79,6 @@ def loss(laps: Sequence[Mapping[str, Any]]) -> float:
 def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict[str, dict[str, Any]]:
     """Find where each lap fails first, going away from the nominal value to either side.
 
-    Args:
-        column: an axis of numbers.
-        points: `point_summary` of each of its points.
-
     Returns:
         For each lap "lost" and "doubled", each with "low" and "high": the value nearest to the nominal one at which an
         episode is lost, or the mean error over the lap is twice that at the nominal value; None if at none. Where the
@@ -143,13 +136,7 @@ def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
 
 
 def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
-    """Return an entry of the board as plain values.
-
-    Args:
-        entry: the policy that was measured.
-        columns: by name.
-        results: of the cells of these columns, as the store has them.
-    """
+    """Return an entry of the board as plain values."""
     candidate = entry.candidate()
     found: dict[str, Any] = {
         "name": entry.name,
@@ -173,11 +160,7 @@ def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results)
 
 
 def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
-    """Return the errors of an entry's nominal laps by name: whole lap and after 2 s [m]; None for a lost one.
-
-    Args:
-        entry: see `entry_summary`; it has the column "nominal".
-    """
+    """Return the errors of an entry's nominal laps by name: whole lap and after 2 s [m]; None for a lost one."""
     square = entry["columns"]["nominal"]["points"][list(TASKS).index("square")]
     errors: dict[str, dict[str, float] | None] = {}
     for lap in LAPS:

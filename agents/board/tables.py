@@ -71,12 +71,7 @@ def ranking(board: Board) -> str:
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write a few entries of the ranking in one line each: losses and mean error on unknown arms, nominal errors.
-
-    Args:
-        board: with unknown arms.
-        names: of the entries.
-    """
+    """Write a few entries of the ranking in one line each: losses and mean error on unknown arms, nominal errors."""
     lines = []
     for entry in ranked(board):
         laps, errors = _unknown_laps(entry), nominal_errors(entry).values()

@@ -62,21 +62,12 @@ def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, 
 
 
 def entry_options(interface: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that an entry brings to any environment: its own, and what the board sets for its actions.
-
-    Args:
-        interface: see `interface_of`.
-    """
+    """Return the options that an entry brings to any environment: its own, and what the board sets for its actions."""
     gain = IDS["SquareGain-v0"].options
     own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
     return {**{name: gain[name] for name in own}, **interface}
 
 
 def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:
-    """Return the options of an entry's nominal environment on a task.
-
-    Args:
-        interface: see `interface_of`.
-        task: a name in `TASKS`.
-    """
+    """Return the options of an entry's nominal environment on a task."""
     return {"start": "corner", **entry_options(interface), **TASKS[task].options}

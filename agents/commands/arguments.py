@@ -70,13 +70,6 @@ class Reader(argparse.ArgumentParser):
     """
 
     def __init__(self, prog: str, description: str, epilog: str = "") -> None:
-        """Begin without arguments.
-
-        Args:
-            prog: the command.
-            description: what it does, for the help.
-            epilog: end of the help.
-        """
         self.declared: list[argparse.Action] = []
         form = argparse.RawDescriptionHelpFormatter
         about = wrapped(description)
@@ -111,12 +104,7 @@ def _present(argument: str) -> str:
 
 
 def of_verb(verb: str, description: str) -> Reader:
-    """Make the parser of a verb.
-
-    Args:
-        verb: e.g. "list"; its examples end the help.
-        description: what it does.
-    """
+    """Make the parser of a verb."""
     return Reader(f"flexarm {verb}", description, epilog(verb))
 
 
@@ -148,12 +136,7 @@ def json_argument(text: str) -> dict[str, Any]:
 
 
 def add_options(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the argument `--options`, environment options as JSON.
-
-    Args:
-        parser: gets the argument.
-        what: the options are of.
-    """
+    """Add the argument `--options`, environment options as JSON."""
     about = f'{what}, e.g. {{"noise": 0.005}}'
     parser.add_argument("--options", type=json_argument, default={}, metavar="JSON", help=about)
 

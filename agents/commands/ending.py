@@ -31,7 +31,6 @@ class Stopped(KeyboardInterrupt):
     """
 
     def __init__(self, number: int) -> None:
-        """Keep the signal."""
         self.signal = signal.Signals(number)
         super().__init__(f"stopped by {self.signal.name}")
 
@@ -40,9 +39,6 @@ def run(main: Callable[[], None]) -> None:
     """Run a command's `main`; its last line says what was wrong with the input, or which signal stopped it.
 
     In another thread than the main one, where Python has no handlers, signals have their usual effect.
-
-    Args:
-        main: the command.
 
     Raises:
         SystemExit: unless all went well.

@@ -18,12 +18,7 @@ Config = TypeVar("Config")
 
 
 def add_fields(reader: Reader, defaults: Any) -> None:
-    """Add an argument for each field.
-
-    Args:
-        reader: gets the arguments.
-        defaults: a configuration, whose values are the defaults.
-    """
+    """Add an argument for each field."""
     texts, hints = _descriptions(type(defaults)), get_type_hints(type(defaults))
     for one in fields(defaults):
         value = getattr(defaults, one.name)
@@ -32,13 +27,7 @@ def add_fields(reader: Reader, defaults: Any) -> None:
 
 
 def read_fields(reader: Reader, kind: type[Config], given: argparse.Namespace) -> Config:
-    """Make a configuration from parsed arguments; a bad value ends the command as wrong usage.
-
-    Args:
-        reader: reports the bad value.
-        kind: class of the configuration.
-        given: has its fields.
-    """
+    """Make a configuration from parsed arguments; a bad value ends the command as wrong usage."""
     names = [one.name for one in fields(kind)]  # type: ignore[arg-type]
     try:
         return kind(**{name: getattr(given, name) for name in names})

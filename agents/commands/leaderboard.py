@@ -51,9 +51,6 @@ def parser() -> Reader:
 def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], list[Failure]]:
     """Measure what is chosen, and write tables and JSON.
 
-    Args:
-        given: arguments of `parser`.
-
     Returns:
         The chosen entries, the board, and the cells that could not be computed.
     """

@@ -63,10 +63,6 @@ def check_film(given: argparse.Namespace) -> None:
 def play(played: Trajectory, given: argparse.Namespace) -> None:
     """Show a run in a window, or write it.
 
-    Args:
-        played: the run.
-        given: has the arguments of `add_film`.
-
     Raises:
         ValueError: for a time outside of the run, or a run with too many pictures.
     """

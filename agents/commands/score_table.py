@@ -36,21 +36,12 @@ Spreads = dict[str, dict[str, Spread]]  # by lap and figure
 
 
 def legend(laps: int) -> str:
-    """Return what the columns of `lap_table` mean.
-
-    Args:
-        laps: seeds of each lap.
-    """
+    """Return what the columns of `lap_table` mean."""
     return LEGEND if laps == 1 else SPREAD_LEGEND
 
 
 def lap_table(title: str, results: Sequence[Named]) -> str:
-    """Make a table with a row for each policy and lap.
-
-    Args:
-        title: of the table.
-        results: name and scores (one, or the same number each), in order.
-    """
+    """Make a table with a row for each policy and lap."""
     single = len(results[0][1]) == 1
     rows = [
         (name, lap, *(_figures(laps[0]) if single else _spreads(laps)))
@@ -61,11 +52,7 @@ def lap_table(title: str, results: Sequence[Named]) -> str:
 
 
 def group_table(groups: Sequence[tuple[str, Spreads]]) -> str:
-    """Write a row for each figure of each lap, for each setting that was trained with several seeds.
-
-    Args:
-        groups: names of the trainings, and the spreads of their errors.
-    """
+    """Write a row for each figure of each lap, for each setting that was trained with several seeds."""
     rows = [
         (f"{name} ({spread.complete} of {spread.total} complete)", lap, FIGURES[figure], *_group_figures(spread))
         for name, spreads in groups

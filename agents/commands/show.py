@@ -26,12 +26,7 @@ def run(arguments: Sequence[str]) -> None:
 
 
 def specification(environment: str, columns: int) -> str:
-    """Write the specification of an id.
-
-    Args:
-        environment: its id, checked.
-        columns: width of a line.
-    """
+    """Write the specification of an id."""
     one = IDS[environment.partition("/")[2]]
     actions, observations = doc.spaces(Settings.of(one.options))
     facts = [

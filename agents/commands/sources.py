@@ -58,13 +58,7 @@ def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
 
 
 def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace, sources: Sequence[str]) -> None:
-    """End with wrong usage if an argument of `add_environment` is for none of the policies.
-
-    Args:
-        parser: reports it.
-        given: has the arguments.
-        sources: each one's POLICY.
-    """
+    """End with wrong usage if an argument of `add_environment` is for none of the policies."""
     for name in ("stable_baselines3", "vec_normalize"):
         if getattr(given, name) and not any(map(_is_model, sources)):
             parser.error(f"--{name.replace('_', '-')}: there is no zip file among the policies")
@@ -104,11 +98,6 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
 
 def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
     """Return what POLICY names as an entry of the board; arguments as of `from_source`.
-
-    Args:
-        source: POLICY.
-        given: has the arguments of `add_environment`.
-        options: the entry's own.
 
     Raises:
         ValueError: for a model without `--stable-baselines3`.

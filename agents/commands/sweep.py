@@ -74,12 +74,7 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
 
 
 def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
-    """Describe where a lap's error is doubled first, and where it is lost.
-
-    Args:
-        ends: of the lap, see `breaking`.
-        values: of the axis.
-    """
+    """Describe where a lap's error is doubled first, and where it is lost."""
     if ends["complete"] is not None:
         whole = spans(values, ends["complete"])
         return f"lost at the nominal value; complete at {whole}" if whole else "lost everywhere"

@@ -58,9 +58,6 @@ def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> 
 def tuned_for(arguments: Sequence[str]) -> RunConfig:
     """Return the tuned configuration of the algorithm and the environment that arguments name.
 
-    Args:
-        arguments: others have no effect.
-
     Raises:
         ValueError: if there is no such algorithm or environment.
     """
@@ -77,12 +74,7 @@ def _named(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
-    """Train, and print what came out; ends the process with 128 + its number after a signal.
-
-    Args:
-        training: trains.
-        folder: of the results.
-    """
+    """Train, and print what came out; ends the process with 128 + its number after a signal."""
     try:
         with _printed(logging.getLogger("flexarm_agents")):
             outcome = training()

@@ -14,12 +14,6 @@ class Watched(gymnasium.Wrapper[Any, Any, Any, Any]):
     """An environment that calls a function after each step."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], tick: Callable[[], Any]) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: the environment.
-            tick: called after each step.
-        """
         super().__init__(env)
         self._tick = tick
 
@@ -31,11 +25,7 @@ class Watched(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 def episode_steps(env: gymnasium.Env[Any, Any]) -> int:
-    """Return the control periods of an episode that does not end early: the time limit, or a lap where there is none.
-
-    Args:
-        env: a `FlexArmEnv`, wrapped or not.
-    """
+    """Return the control periods of a whole episode: the time limit, or a lap where there is none."""
     inner = env.unwrapped
     assert isinstance(inner, FlexArmEnv)
     limit = None if env.spec is None else env.spec.max_episode_steps

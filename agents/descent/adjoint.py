@@ -23,10 +23,6 @@ def seen_in(window: Window, actions: int) -> Seen:
 
     Actions before the window, or before the episode, are 0; at the first instant the earlier reading is the present
     one. Nothing in the window can change either.
-
-    Args:
-        window: the window.
-        actions: how many past actions are observed.
     """
     earlier = np.concatenate([window.readings[:1], window.readings[:-1]])
     past = np.zeros((*window.ages.shape, actions, 2))

@@ -39,13 +39,7 @@ class Costs(NamedTuple):
 
 
 def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:
-    """Compute costs and derivatives.
-
-    Args:
-        window: the periods.
-        settings: of the environments.
-        config: of the training.
-    """
+    """Compute costs and derivatives."""
     values, slopes = settings.flexible_arm.output_jacobians(window.after)
     away = values.true_tip - window.references
     squares = (away**2).sum(axis=-1)

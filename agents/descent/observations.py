@@ -131,9 +131,6 @@ class Observations:
     def __init__(self, env: FlexArmVectorEnv) -> None:
         """Take the layout.
 
-        Args:
-            env: the batch.
-
         Raises:
             ValueError: for an option with which the derivatives are not complete.
         """
@@ -244,9 +241,6 @@ class Observations:
 
 def check_differentiable(settings: Settings) -> None:
     """Refuse an environment through which derivatives do not run.
-
-    Args:
-        settings: of the environment.
 
     Raises:
         ValueError: naming the option.

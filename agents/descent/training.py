@@ -93,11 +93,7 @@ class FOPGTraining(Rounds):
         self.done += 1
 
     def _end_trial(self, last: bool) -> None:
-        """Remember the policy if it is the best candidate so far; go on with the next one, or after the last the best.
-
-        Args:
-            last: no other follows.
-        """
+        """Remember the policy if it is the best candidate so far; go on with the next one, after the last the best."""
         judged = StandardScore.of(self.progress.rows[-1])
         present = Candidate(rank([judged]), self.driver, self.learner)
         best, other = present, self.leading

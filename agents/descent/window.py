@@ -83,11 +83,7 @@ class Driver:
         self._earlier = np.zeros((env.num_envs, 2), dtype=np.float32)
 
     def stagger(self, periods: int) -> None:
-        """Begin the arms' episodes anew, one after the other and without torques: windows then see all ages alike.
-
-        Args:
-            periods: over which they begin.
-        """
+        """Begin the arms' episodes anew, one after the other and without torques: windows then see all ages alike."""
         count = len(self._ages)
         turns = np.arange(count) * periods // count
         for turn in range(periods):
@@ -101,12 +97,7 @@ class Driver:
             self.window(lambda seen: np.zeros((count, 2)), 1)
 
     def window(self, network: Network, periods: int) -> Window:
-        """Run a window.
-
-        Args:
-            network: chooses actions by observations.
-            periods: how many.
-        """
+        """Run a window."""
         instants, done = [self._instant()], []
         for _ in range(periods):
             output = network(self._observations) + self._noise * self._random.normal(size=self._earlier.shape)

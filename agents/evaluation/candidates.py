@@ -99,11 +99,6 @@ def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
 def from_training(source: str, options: Options, arm: str | None) -> Candidate:
     """Load a trained policy, with its own environment.
 
-    Args:
-        source: see `load_policy`.
-        options: see `changed`.
-        arm: see `changed`.
-
     Raises:
         FileNotFoundError, TypeError, ValueError: see `load_policy` and `Trained.make_env`.
     """

@@ -33,11 +33,6 @@ class Failure(NamedTuple):
 def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
     """Report jobs that failed, and keep their tracebacks in `failures.log`, which is absent if none did.
 
-    Args:
-        failed: these jobs.
-        folder: of the results; it is made.
-        rest: what became of the other jobs, for the message.
-
     Raises:
         OSError: if there are any.
     """

@@ -35,7 +35,6 @@ class TrainingStopped(KeyboardInterrupt):
     """
 
     def __init__(self, number: int, steps: int) -> None:
-        """Keep the signal and the steps."""
         super().__init__(f"stopped by {signal.Signals(number).name} after {steps} steps")
         self.signal = number
         self.steps = steps
@@ -52,7 +51,6 @@ class StopSignals:
     """
 
     def __init__(self) -> None:
-        """Prepare; handlers are set when the block begins."""
         self._noted: int | None = None
         self._before: dict[int, Any] = {}
 
@@ -62,7 +60,6 @@ class StopSignals:
         return signal.SIGTERM if self._noted is None and is_asked_to_stop() else self._noted
 
     def __enter__(self) -> StopSignals:
-        """Set the handlers."""
         if threading.current_thread() is threading.main_thread():
             self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
         return self
@@ -70,7 +67,6 @@ class StopSignals:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Set the handlers of before again."""
         self._restore()
 
     def _note(self, number: int, frame: FrameType | None) -> None:

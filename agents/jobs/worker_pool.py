@@ -24,14 +24,13 @@ GLANCE = 0.1  # between two looks for a second signal [s]
 
 
 class WorkerPool(ProcessPoolExecutor):
-    """Processes that run jobs; made by `worker_pool`.
+    """Processes that run jobs, and stop when a pipe's end is closed; made by `worker_pool`.
 
     Attributes:
         jobs: all that were submitted.
     """
 
     def __init__(self, count: int, asked: Connection) -> None:
-        """Make an executor whose workers stop when `asked` is closed."""
         self.jobs: list[Future[Any]] = []
         context = multiprocessing.get_context("spawn")
         with _blocked_signals():  # this starts multiprocessing's resource tracker, which does not handle SIGHUP
@@ -54,10 +53,6 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
 
     After an error, or a signal, workers are killed at once, and jobs in progress are lost; stoppable ones are waited
     for, until a second signal comes. If the parent is killed itself, its workers notice and end.
-
-    Args:
-        count: how many.
-        stoppable: the jobs stop on `StopSignals`.
     """
     asked, asking = multiprocessing.Pipe(duplex=False)  # the end of this pipe is the request to stop
     with asked, asking, WorkerPool(count, asked) as pool:

@@ -27,7 +27,6 @@ class ConstantPolicy:
         self._generator = np.random.default_rng(seed)
 
     def __repr__(self) -> str:
-        """Describe the policy in a line."""
         return f"{type(self).__name__}(actions={self._size}, spread={self._spread})"
 
     def predict(

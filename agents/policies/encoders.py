@@ -93,7 +93,6 @@ class PastReadings:
             raise ValueError(f"remembered = {self.remembered}: must be indices in an observation of {self.size}")
 
     def __repr__(self) -> str:
-        """Describe the encoder in a line."""
         return f"{type(self).__name__}({len(self.lags)} lags)"
 
     @property

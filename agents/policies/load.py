@@ -39,7 +39,6 @@ class Trained:
     notes: dict[str, Any]
 
     def __repr__(self) -> str:
-        """Describe the policy and its environment in a line."""
         changed = f" with its own {', '.join(self.options)}" if self.options else ""
         return f"{type(self).__name__}({self.name!r}, {self.policy}, {self.environment}{changed})"
 
@@ -70,12 +69,6 @@ def check_fits(
     env: gymnasium.Env[Any, Any],
 ) -> None:
     """Check that a policy was trained with observations and actions of an environment's sizes; close it if not.
-
-    Args:
-        name: name of the policy, for the message.
-        observation: shape.
-        action: shape.
-        env: environment.
 
     Raises:
         ValueError: if one of them has another shape.

@@ -33,7 +33,6 @@ class Lstm:
     knows: ClassVar[tuple[str, ...]] = ()
 
     def __repr__(self) -> str:
-        """Describe the layer in a line."""
         return f"{type(self).__name__}({self.inputs})"
 
     def __post_init__(self) -> None:

@@ -89,7 +89,6 @@ class NetworkPolicy:
         object.__setattr__(self, "_generator", np.random.default_rng())
 
     def __repr__(self) -> str:
-        """Describe the policy in a line: the observation's length, encoder, layers, action."""
         sizes = " -> ".join(str(size) for size in (self.weights[0].shape[1], *map(len, self.biases)))
         encoder = "" if self.encoder is None else f"{self.observation_size} -> {self.encoder} -> "
         squashed = "" if self.log_std_weights is None else ", squashed"
@@ -165,11 +164,7 @@ class NetworkPolicy:
         return [part.shape[1:] for part in self.encoder.reset(np.zeros((1, self.encoder.size), np.float32))[1]]
 
     def _log_std(self, hidden: Array) -> Array:
-        """Return the logarithm of the standard deviation.
-
-        Args:
-            hidden: outputs of the last hidden layer. Shape (..., last hidden size).
-        """
+        """Return the logarithm of the standard deviation. Shape (..., actions) or (actions,)."""
         if self.log_std_weights is None:
             return self.log_std
         return np.clip(hidden @ self.log_std_weights.T + self.log_std, *LOG_STD_LIMITS).astype(np.float32)

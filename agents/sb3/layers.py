@@ -45,10 +45,6 @@ def weights_and_biases(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers
 def set_layers(modules: Iterable[torch.nn.Module], policy: NetworkPolicy) -> None:
     """Give the layers among some modules the weights and biases of a policy.
 
-    Args:
-        modules: of a network.
-        policy: of the same layers.
-
     Raises:
         ValueError: if the layers have other sizes.
     """

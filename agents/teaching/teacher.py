@@ -54,11 +54,6 @@ class Teacher:
     def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
         """Make a teacher for an environment, with a grid over what it draws.
 
-        Args:
-            config: of the teaching.
-            settings: of the environment.
-            folder: for the plans.
-
         Raises:
             ValueError: if the environment's laps are not the standard ones.
         """

@@ -17,13 +17,7 @@ _CONFIG, _STATE = "config.json", "state.pickle"
 
 
 def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> None:
-    """Write a file atomically.
-
-    Args:
-        path: path of the file.
-        config: configuration of the training.
-        state: everything that the training changes.
-    """
+    """Write a file atomically."""
 
     def write(aside: Path) -> None:
         with zipfile.ZipFile(aside, "w") as file:
@@ -35,10 +29,6 @@ def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> No
 
 def read_checkpoint(path: Path, config: RunConfig) -> dict[str, Any]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
-
-    Args:
-        path: path of the file.
-        config: configuration of the training that is resumed.
 
     Returns:
         The state that was written.

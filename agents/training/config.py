@@ -130,10 +130,6 @@ class RunConfig:
     def check_same(self, other: RunConfig, place: Path) -> None:
         """Check that this configuration can resume a training with another one.
 
-        Args:
-            other: of the same class.
-            place: where the other one was found, for the message.
-
         Raises:
             ValueError: naming the first parameter that differs.
         """
@@ -154,11 +150,7 @@ def _unused(name: str, value: object) -> bool:
 
 
 def config_class(algorithm: str) -> Any:
-    """Return the class of an algorithm's configurations.
-
-    Args:
-        algorithm: a name in `ALGORITHMS`.
-    """
+    """Return the class of an algorithm's configurations."""
     module, _, name = ALGORITHMS[choice("algorithm", algorithm, ALGORITHMS)].partition(":")
     with needs_extra(f"algorithm = {algorithm!r}", "train"):
         return getattr(import_module(module), name)

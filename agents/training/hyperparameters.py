@@ -21,11 +21,7 @@ IMPLIED = ("policy", "policy_kwargs.shared_lstm")
 
 
 def names_in_zoo(kind: Any) -> dict[str, str]:
-    """Return the names of settings in a file, by the names of a configuration's fields.
-
-    Args:
-        kind: class of the configurations.
-    """
+    """Return the names of settings in a file, by the names of a configuration's fields."""
     return {one.name: one.metadata["zoo"] for one in fields(kind) if one.metadata.get("zoo")}
 
 

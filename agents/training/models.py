@@ -42,22 +42,13 @@ class ValueFirst:
     share: float
 
     def __call__(self, left: float) -> float:
-        """Return the rate.
-
-        Args:
-            left: share of the training that is left.
-        """
+        """Return the rate."""
         rest = left / (1.0 - self.share)
         return self.level if rest >= 1.0 - ROUNDING else self.schedule(rest)
 
 
 def hold_policy(model: BaseAlgorithm, held: bool) -> None:
-    """Keep the policy of PPO as it is in the next updates, so that its value learns alone; or let it learn.
-
-    Args:
-        model: PPO with "MlpPolicy".
-        held: keep it.
-    """
+    """Keep the policy of PPO as it is in the next updates, so that its value learns alone; or let it learn."""
     policy: Any = model.policy
     for part in (policy.mlp_extractor.policy_net, policy.action_net):
         part.requires_grad_(not held)
@@ -66,9 +57,6 @@ def hold_policy(model: BaseAlgorithm, held: bool) -> None:
 
 def model_class(config: RewardConfig) -> Any:
     """Return the class of the algorithm.
-
-    Args:
-        config: the configuration.
 
     Raises:
         ModuleNotFoundError: without its package, naming the extra.
@@ -79,23 +67,14 @@ def model_class(config: RewardConfig) -> Any:
 
 
 def new_model(config: RewardConfig) -> BaseAlgorithm:
-    """Make an untrained model with its environments.
-
-    Args:
-        config: the configuration.
-    """
+    """Make an untrained model with its environments."""
     env = environments(config, config.curriculum_options)
     made: BaseAlgorithm = model_class(config)(config.policy, env, **arguments(config), seed=config.seed, device="cpu")
     return made
 
 
 def end_curriculum(config: RewardConfig, model: BaseAlgorithm) -> None:
-    """Replace the environments by some without `curriculum_options`; episodes begin in all of them.
-
-    Args:
-        config: of the training.
-        model: made by `new_model`, between two rollouts.
-    """
+    """Replace the environments by some without `curriculum_options`; episodes begin in all of them."""
     before = model.get_env()
     assert before is not None
     before.close()
@@ -107,12 +86,7 @@ def end_curriculum(config: RewardConfig, model: BaseAlgorithm) -> None:
 
 
 def environments(config: RewardConfig, curriculum_options: Mapping[str, Any]) -> VecMonitor:
-    """Make the environments of a training.
-
-    Args:
-        config: its configuration.
-        curriculum_options: options of the environments in which they differ from the score's.
-    """
+    """Make the environments of a training."""
     options = {"max_episode_steps": config.episode_steps, **config.options, **curriculum_options}
     return VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
 
@@ -121,10 +95,6 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
     """Put what the configuration has in front of the network over a batch.
 
     Within a curriculum, the observation space is that of the environment of the score; observations may exceed it.
-
-    Args:
-        config: the configuration.
-        env: the batch.
     """
     plain = FlexArmVecEnv(env)
     if config.curriculum_options:
@@ -136,12 +106,7 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
 
 
 def encoder_of(config: RewardConfig, blocks: dict[str, slice]) -> Encoder | None:
-    """Return the encoder of the observations; None: there is none.
-
-    Args:
-        config: the configuration.
-        blocks: where each block lies in an observation.
-    """
+    """Return the encoder of the observations; None: there is none."""
     if not isinstance(config, PPOConfig):
         return None
     if config.observer != "none":

@@ -31,12 +31,6 @@ class TrainingCallback(BaseCallback):
     model: BaseAlgorithm
 
     def __init__(self, config: RewardConfig, pause: Callable[[], None]) -> None:
-        """Prepare.
-
-        Args:
-            config: configuration of the training.
-            pause: called before each rollout.
-        """
         super().__init__()
         self._config, self._pause = config, pause
         self._before = 0  # steps before the rollout

@@ -35,11 +35,6 @@ class RunFolder:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Name the files; nothing is read or written.
-
-        Args:
-            path: path of the folder.
-        """
         self.path = Path(path)
         self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
         self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
@@ -49,10 +44,6 @@ class RunFolder:
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
         """Make the folder for a new training.
-
-        Args:
-            config: the configuration.
-            versions: see the class.
 
         Raises:
             FileExistsError: if there is something already.
@@ -80,11 +71,6 @@ class RunFolder:
     def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
         """Begin a training in the folder, or check that the one in it may go on.
 
-        Args:
-            config: its configuration.
-            versions: see `begin`.
-            resume: go on.
-
         Raises:
             FileExistsError: see `begin`.
             FileNotFoundError, ValueError: see `read_config`, and if it has another configuration.
@@ -97,9 +83,6 @@ class RunFolder:
 
     def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.
-
-        Args:
-            kind: class of the configuration.
 
         Raises:
             FileNotFoundError: if there is no training.

@@ -21,9 +21,6 @@ from flexarm_env.validation import shown
 def check_curriculum(config: RunConfig) -> None:
     """Check that the training's environments have the observation and the action of the environment of the score.
 
-    Args:
-        config: of the training.
-
     Raises:
         ValueError: if `curriculum_options` change them.
     """

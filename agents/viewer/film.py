@@ -144,7 +144,6 @@ class Film:
         self._count = check_pictures(self.fps, self.speed, float(run.time[-1] - run.time[0]))
 
     def __len__(self) -> int:
-        """Return the number of pictures."""
         return self._count
 
     def instants(self) -> list[int]:
@@ -153,11 +152,7 @@ class Film:
         return [int(n) for n in np.searchsorted(self.run.time, times - 1e-9).clip(0, len(self.run) - 1)]
 
     def snapshot(self, n: int) -> Snapshot:
-        """Return what the picture of an instant shows.
-
-        Args:
-            n: index of the instant.
-        """
+        """Return what the picture of an instant shows."""
         run, arm = self.run, self._arm
         q = np.nan_to_num(run.state[n, : arm.size], posinf=0.0, neginf=0.0)
         return Snapshot(

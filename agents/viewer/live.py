@@ -60,10 +60,6 @@ class LiveArm:
     def __init__(self, arm: str = "paper", knobs: Knobs | None = None) -> None:
         """Begin a lap.
 
-        Args:
-            arm: name of the arm.
-            knobs: at the beginning; None: the defaults of `Knobs`.
-
         Raises:
             TypeError, ValueError: for a bad argument.
         """
@@ -110,11 +106,7 @@ class LiveArm:
         self._begin({"state": self._info["state"], "time": self.phase})
 
     def advance(self, periods: int) -> None:
-        """Run for some control periods, or until the arm is lost.
-
-        Args:
-            periods: how many.
-        """
+        """Run for some control periods, or until the arm is lost."""
         action = action_from_gain(np.array([self.knobs.gain]), MOST_GAIN).astype(np.float32)
         for _ in range(periods):
             if self.ended is not None:

@@ -80,9 +80,6 @@ class Viewer:
     def __init__(self, live: LiveArm) -> None:
         """Open the window.
 
-        Args:
-            live: the arm.
-
         Raises:
             gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
         """
