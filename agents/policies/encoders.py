@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,48 +20,53 @@ LONGEST_LAG = 1000  # [steps]
 MOST_NUMBERS = 1_000_000  # of an observation
 
 
-class Encoder(Protocol):
+class Encoder(ABC):
     """Turns the observations of n arms into a network's inputs.
 
     Attributes:
-        ARRAYS: names of the arrays that it keeps in a policy's file.
+        ARRAYS: names of the arrays that it keeps in a policy's file, each an attribute.
         knows: model data that it uses beside the observation, in the leaderboard's words.
+        size: length of an observation.
     """
 
-    ARRAYS: ClassVar[tuple[str, ...]]
-    knows: ClassVar[tuple[str, ...]]
+    ARRAYS: ClassVar[tuple[str, ...]] = ()
+    knows: ClassVar[tuple[str, ...]] = ()
+    size: int
 
     @property
-    def size(self) -> int:
-        """Length of an observation."""
-
-    @property
+    @abstractmethod
     def inputs(self) -> int:
         """Number of the network's inputs."""
 
+    @abstractmethod
     def reset(self, observations: Array) -> tuple[Array, Memory]:
         """Return inputs and memory of arms whose episode begins. Shape (n, size)."""
 
+    @abstractmethod
     def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
         """Return inputs and memory after the next observations, in new arrays. Shape (n, size)."""
 
     def header(self) -> dict[str, Any]:
         """Return the plain values that a policy's file keeps."""
+        return {}
 
     def arrays(self) -> dict[str, Array]:
         """Return the arrays that a policy's file keeps."""
+        return {name: getattr(self, name) for name in self.ARRAYS}
 
-    @staticmethod
-    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+    @classmethod
+    def is_in(cls, header: Mapping[str, Any], names: Collection[str]) -> bool:
         """Return whether a policy's file with this header and arrays of these names has such an encoder."""
+        return cls.ARRAYS[0] in names
 
     @classmethod
     def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
         """Make the encoder from a policy's file."""
+        return cls(**{name: arrays[name] for name in cls.ARRAYS})
 
 
 @dataclass(frozen=True, repr=False)
-class PastReadings:
+class PastReadings(Encoder):
     """The present observation, followed by some of its numbers at earlier steps; an `Encoder`.
 
     Before an episode's first observation, all readings are taken to be equal to the first.
@@ -74,8 +80,6 @@ class PastReadings:
     size: int
     lags: tuple[int, ...]
     remembered: tuple[int, ...]
-    ARRAYS: ClassVar[tuple[str, ...]] = ()
-    knows: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         """Validate.
@@ -117,12 +121,8 @@ class PastReadings:
         """See `Encoder`."""
         return {"history": {"lags": self.lags, "remembered": self.remembered}}
 
-    def arrays(self) -> dict[str, Array]:
-        """See `Encoder`."""
-        return {}
-
-    @staticmethod
-    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+    @classmethod
+    def is_in(cls, header: Mapping[str, Any], names: Collection[str]) -> bool:
         """See `Encoder`."""
         return "history" in header
 

@@ -6,18 +6,17 @@ lie in torch's order (input, forget, cell, output).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
-from flexarm_agents.policies.encoders import Array, Memory
+from flexarm_agents.policies.encoders import Array, Encoder, Memory
 from flexarm_env.validation import real_array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Lstm:
+class Lstm(Encoder):
     """A layer of long short-term memory; an `Encoder`, whose outputs are the network's inputs.
 
     Attributes:
@@ -30,7 +29,6 @@ class Lstm:
     lstm_memory: Array
     lstm_bias: Array
     ARRAYS: ClassVar[tuple[str, ...]] = ("lstm_input", "lstm_memory", "lstm_bias")
-    knows: ClassVar[tuple[str, ...]] = ()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.inputs})"
@@ -47,7 +45,7 @@ class Lstm:
         _check_shapes(*(np.shape(getattr(self, name)) for name in self.ARRAYS))
 
     @property
-    def size(self) -> int:
+    def size(self) -> int:  # type: ignore[override]
         """Length of an observation."""
         return int(self.lstm_input.shape[1])
 
@@ -69,24 +67,6 @@ class Lstm:
         cells = _sigmoid(keep) * cells + _sigmoid(let_in) * np.tanh(new)
         out = _sigmoid(let_out) * np.tanh(cells)
         return out.copy(), (out, cells)
-
-    def header(self) -> dict[str, Any]:
-        """See `Encoder`."""
-        return {}
-
-    def arrays(self) -> dict[str, Array]:
-        """See `Encoder`."""
-        return {name: getattr(self, name) for name in self.ARRAYS}
-
-    @staticmethod
-    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
-        """See `Encoder`."""
-        return Lstm.ARRAYS[0] in names
-
-    @classmethod
-    def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
-        """See `Encoder`."""
-        return cls(**{name: arrays[name] for name in cls.ARRAYS})
 
 
 def _sigmoid(x: Array) -> Array:

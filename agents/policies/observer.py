@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.environments import check_id, check_options, make_one
-from flexarm_agents.policies.encoders import Array, Memory
+from flexarm_agents.policies.encoders import Array, Encoder, Memory
 from flexarm_baselines.lqg import adaptive, controller
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
 from flexarm_env.envs.bounds import modal_range
@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Observer:
+class Observer(Encoder):
     """A Kalman filter of the nominal arm; an `Encoder`.
 
     The network sees the observation without `FILTERED`, then estimates of the tip's error and its rate, in the frame
@@ -109,7 +109,7 @@ class Observer:
         return Parts(kalman, settings, blocks, scale, sorted(seen), estimated)
 
     @property
-    def size(self) -> int:
+    def size(self) -> int:  # type: ignore[override]
         """Length of an observation."""
         return len(self.parts.scale)
 
@@ -140,22 +140,17 @@ class Observer:
         """See `Encoder`."""
         return {"observer": {"kind": self.kind, "environment": self.environment, "options": self.options}}
 
-    def arrays(self) -> dict[str, Array]:
-        """See `Encoder`: the scale of the estimates, which tells arms with another number of modes apart."""
-        return {self.ARRAYS[0]: self.parts.estimated.astype(np.float32)}
-
-    @staticmethod
-    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
-        """See `Encoder`."""
-        return Observer.ARRAYS[0] in names
+    @property
+    def observer_scale(self) -> Array:
+        """The scale of the estimates, which tells arms with another number of modes apart."""
+        return self.parts.estimated.astype(np.float32)
 
     @classmethod
     def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
         """See `Encoder`."""
         made = cls(**header["observer"])
-        (name,) = cls.ARRAYS
-        if not np.array_equal(made.arrays()[name], arrays[name]):
-            raise ValueError(f"{name}: must be that of {made.environment} with its options")
+        if not np.array_equal(made.observer_scale, arrays["observer_scale"]):
+            raise ValueError(f"observer_scale: must be that of {made.environment} with its options")
         return made
 
     def _read(self, observations: Array, block: str) -> Floats:
