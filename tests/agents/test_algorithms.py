@@ -15,26 +15,31 @@ from flexarm_agents import NetworkPolicy, config_of, load_policy, network_policy
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.models import new_model
-from tests.support.trainings import ID, TINIES
+from tests.support.trainings import ID, TINIES, TINY
 
 
-@pytest.mark.parametrize("name", ["sac", "tqc", "recurrent_ppo"])
+@pytest.mark.parametrize("name", ["sac", "tqc", "recurrent_ppo", "elu", "tanh", "relu"])
 def test_numpy_predicts_what_torch_predicts(name: str, tmp_path: Path) -> None:
-    """Over several steps, with episodes that begin among them; from a file too."""
-    model = new_model(config_of(**TINIES[name]))
-    with torch.no_grad():
+    """Over several steps, with episodes that begin among them; from a file, with its notes."""
+    model = new_model(config_of(**TINIES.get(name, TINY | {"activation": name})))
+    with torch.no_grad():  # away from the small weights of the start
         for parameter in model.policy.parameters():
-            parameter.add_(0.2 * torch.randn_like(parameter))
-    network_policy(model, {"config": {"environment": ID, "options": {}}}).save(tmp_path / "policy.npz")
-    policy = load_policy(tmp_path / "policy.npz").policy
-    rng, theirs, ours = np.random.default_rng(0), None, None
-    for step in range(4):
+            parameter.add_(0.3 * torch.randn_like(parameter))
+    notes = {"config": {"environment": ID, "options": {}}}
+    network_policy(model, notes).save(tmp_path / "policy.npz")
+    trained = load_policy(tmp_path / "policy.npz")
+    assert (trained.name, trained.environment, trained.options) == ("policy", ID, {})
+    policy, rng, theirs, ours, largest = trained.policy, np.random.default_rng(0), None, None, 0.0
+    assert policy.notes == notes
+    for step in range(5):
         observations = rng.normal(size=(5, policy.observation_size)).astype(np.float32)
         starts = np.arange(5) == step
         expected, theirs = model.predict(observations, theirs, starts, deterministic=True)
         found, ours = policy.predict(observations, ours, starts, deterministic=True)
         np.testing.assert_allclose(found, expected, atol=1e-5)
         assert found.dtype == np.float32
+        largest = max(largest, np.abs(expected).max())
+    assert largest == 1.0 or name in TINIES  # limits were met
     assert policy.predict(observations[0], deterministic=True)[0].shape == (2,)
 
 

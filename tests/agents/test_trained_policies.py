@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-import torch
 
 import flexarm_agents.policies.load
 from flexarm_agents import (
@@ -22,10 +19,9 @@ from flexarm_agents import (
     shipped_policies,
     train,
 )
-from flexarm_agents.environments import make_one
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.training.models import new_model
-from tests.support.trainings import ID, TINY, finished
+from tests.support.trainings import TINY, finished
 
 # What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].
 GOALS = {
@@ -48,23 +44,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # --- policies as files ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("activation", ["elu", "tanh", "relu"])
-def test_numpy_predicts_what_torch_predicts(activation: Any) -> None:
-    model = new_model(config_of(**{**TINY, "activation": activation}))
-    with torch.no_grad():  # away from the small weights of the start
-        for parameter in model.policy.parameters():
-            parameter.add_(0.3 * torch.randn_like(parameter))
-    policy = network_policy(model)
-    observations = np.random.default_rng(0).normal(size=(50, policy.observation_size)).astype(np.float32)
-    expected, _ = model.predict(observations, deterministic=True)
-    found, state = policy.predict(observations, deterministic=True)
-    assert state is None
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-    assert np.abs(expected).max() == 1.0  # limits were met
-    np.testing.assert_allclose(policy.predict(observations[7], deterministic=True)[0], expected[7], atol=1e-5)
-
-
 def test_a_policys_own_randomness() -> None:
     policy = NetworkPolicy([np.zeros((2, 3), np.float32)], [np.zeros(2, np.float32)], np.log(np.float32([0.1, 0.3])))
     policy.seed(1)
@@ -73,20 +52,6 @@ def test_a_policys_own_randomness() -> None:
     np.testing.assert_allclose(first.std(axis=0), [0.1, 0.3], rtol=0.05)
     policy.seed(1)
     np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)), deterministic=False)[0], first)
-
-
-def test_a_policy_survives_a_file(tmp_path: Path) -> None:
-    model = new_model(config_of(**TINY))
-    policy = network_policy(model, {"config": {"environment": ID, "options": {}}})
-    policy.save(tmp_path / "policy.npz")
-    again = NetworkPolicy.load(tmp_path / "policy.npz")
-    assert again.notes == policy.notes
-    observations = np.random.default_rng(0).normal(size=(5, policy.observation_size))
-    np.testing.assert_array_equal(
-        again.predict(observations, deterministic=True)[0], policy.predict(observations, deterministic=True)[0]
-    )
-    trained = load_policy(tmp_path / "policy.npz")
-    assert (trained.name, trained.environment, trained.options) == ("policy", ID, {})
 
 
 def test_bad_policies(tmp_path: Path, run: Path) -> None:
@@ -162,8 +127,3 @@ def test_the_defaults_reach_the_goal(tmp_path: Path, seed: int) -> None:
         assert best[lap]["complete"]
         assert best[lap]["rms"] <= rms
         assert best[lap]["rms_after_2s"] <= rms_after_2s
-
-
-def test_environments_are_made_with_their_limits() -> None:
-    assert make_one(ID).spec.max_episode_steps == 1600  # type: ignore[union-attr]
-    assert isinstance(make_one(ID), gymnasium.Env)
