@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flexarm_agents.descent.config import FOPGConfig
-    from flexarm_agents.evaluation.scoring import Score, StandardScore, evaluate, score
-    from flexarm_agents.evaluation.seed_statistics import Spread
+    from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore, evaluate, score
     from flexarm_agents.jobs.stopping import TrainingStopped
     from flexarm_agents.policies.load import Trained, load_policy, shipped_policies
     from flexarm_agents.policies.network import NetworkPolicy
@@ -40,7 +39,7 @@ _MODULES = {
     "RecurrentPPOConfig": "training.algorithms",
     "SACConfig": "training.algorithms",
     "Score": "evaluation.scoring",
-    "Spread": "evaluation.seed_statistics",
+    "Spread": "evaluation.scoring",
     "StandardScore": "evaluation.scoring",
     "TQCConfig": "training.algorithms",
     "Trained": "policies.load",

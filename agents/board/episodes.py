@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from flexarm_agents.board.columns import Episode, Point
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.terms import TASKS
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
@@ -25,6 +25,7 @@ from flexarm_env.envs.termination import end_reason
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics.lap import figures_of
+from flexarm_env.physics.link_modes import LinkModes
 from flexarm_env.predictor import Predictor, predictor
 
 Array = NDArray[np.float64]
@@ -32,6 +33,9 @@ LANES = 16  # most episodes of a batch: two of the smallest blocks, so that fewe
 COMPLETE = "truncated"
 NO_ACTION = "action"  # the end of an episode in which the policy's action is not finite
 RAISED = "policy"  # the end of an episode in which the policy itself gives up with an error
+_MODAL = ("modal_coordinates", "modal_rates")
+_SHAPES = ("link_lengths", "mode_shapes", "modes_per_link", "mode_scale")
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _RECORDED = ("time", "state", "true_tip", "reference", "torque")
 
 
@@ -272,3 +276,43 @@ def _figures(view: FlexArmEnvBase, known: Mapping[str, Array]) -> dict[str, Any]
         limit if np.isfinite(limit).all() else None,
     )
     return figures.plain()
+
+
+def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:
+    """Return the matrix from an environment's observations to those of the nominal environment; None: they are alike.
+
+    Strain gauges keep their calibration on an arm with other shapes: the nominal arm's modal coordinates are read off
+    the true deflection by the best fit in the mean square over mass, which is linear.
+
+    Args:
+        env: the environment, single or vector.
+        nominal: the environment that a policy was made for; its options select the same observation.
+
+    Raises:
+        ValueError: if observations differ in more than the modal coordinates.
+    """
+    if all(getattr(env.arm.parameters, name) == getattr(nominal.arm.parameters, name) for name in _SHAPES):
+        return None
+    own, other = env.observation_blocks, nominal.observation_blocks
+    fit = block_diag(*(_link_fit(one, another) for one, another in zip(env.arm.modes, nominal.arm.modes, strict=True)))
+    found = np.zeros((len(nominal.observation_scale), len(env.observation_scale)))
+    for name, place in other.items():
+        theirs = own[name]
+        if name in _MODAL:
+            block = fit
+        elif name == "state":
+            block = block_diag(np.eye(2), fit, np.eye(2), fit)
+        elif place.stop - place.start == theirs.stop - theirs.start:
+            block = np.eye(place.stop - place.start)
+        else:
+            raise ValueError(f"observation block {name!r}: depends on the shapes of the links")
+        found[place, theirs] = block
+    return np.asarray(found * env.observation_scale / nominal.observation_scale[:, None])
+
+
+def _link_fit(own: LinkModes, nominal: LinkModes) -> Array:
+    """Fit the nominal shapes of a link to its own ones. Shape (m nominal, m)."""
+    places = 0.5 * nominal.length * (1.0 + _NODES)
+    shapes = nominal.shape(places)
+    weighted = shapes * _WEIGHTS[:, None]
+    return np.asarray(np.linalg.solve(weighted.T @ shapes, weighted.T @ own.shape(places)), dtype=np.float64)

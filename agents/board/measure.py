@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.entries import Entry, all_entries
-from flexarm_agents.board.margins import delay_margins
-from flexarm_agents.board.references import references
-from flexarm_agents.board.summary import entry_summary
+from flexarm_agents.board.summary import entry_summary, references
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.files import put, write_json
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
+from flexarm_baselines import IFDC
+from flexarm_env.analysis import delay_margin, law_loop
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.physics.paths import square
 from flexarm_env.validation import choice
 
 DATA = "leaderboard.json"
 INCOMPLETE = "their entries lack cells, the cells that were computed are kept"  # after a failure
+PLACES = 5  # of a margin, on half a side of the square; the other sides repeat it
 DIGITS = 6  # of the figures in the board's file
 
 
@@ -133,3 +139,24 @@ def rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [rounded(one) for one in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def delay_margins(entry: Entry) -> Mapping[str, float] | None:
+    """Return the least and the largest delay margin along the square [s], by the linear theory of an arm at rest.
+
+    Returns:
+        "least" and "most"; None for an entry whose loop is not linear, or does not contain the sensor.
+    """
+    candidate = entry.candidate()
+    settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
+    assert isinstance(settings, Settings)
+    if not isinstance(candidate.policy, IFDC) or settings.law_sensor != "sensor":
+        return None
+    path = square(SquareParameters())
+    places = path.position(np.linspace(0.0, path.lap_time / 8.0, PLACES))
+    # the axis has one delay for both joints
+    sensor = replace(settings.sensor_parameters, delay=max(settings.sensor_delays))
+    gain = candidate.policy.gain
+    loops = [law_loop(settings.flexible_arm, place, sensor, gain) for place in places]
+    found = [delay_margin(loop).delay for loop in loops]
+    return {"least": min(found), "most": max(found)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,8 +12,11 @@ from flexarm_agents.board.columns import Column
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.terms import SQUARE, TASKS
 from flexarm_agents.environments import settings_of
+from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
+from flexarm_env.metrics import optimality_gap
 
+YARDSTICK = "ifdc"  # of gaps
 FIGURES = ("rms", "rms_after_2s", "maximum")
 LIMIT = float(settings_of(SQUARE, {}).error_limit or np.inf)  # error at which a lap is lost, and as which it counts [m]
 Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of each point
@@ -167,3 +171,22 @@ def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | Non
         one = square[lap] if square else None
         errors[lap] = None if one is None or one["lost"] else {name: one[name]["mean"] for name in FIGURES}
     return errors
+
+
+def references() -> dict[str, dict[str, float]]:
+    """Return the errors of the best plan known for each lap of the default arm [m], which plays an oracle's part."""
+    found = {}
+    for lap in LAPS:
+        score = json.loads((PLANS / f"default_{lap}.json").read_text())["score"]
+        found[lap] = {"rms": score["true_tip_rms"], "rms_after_2s": score["true_tip_rms_after_2s"]}
+    return found
+
+
+def gap(results: Mapping[str, Any], lap: str, rms: float) -> float | None:
+    """Return where an error lies between the best plan's, 0, and the yardstick's, 1; None without the yardstick."""
+    for entry in results["rows"]:
+        if entry["name"] == YARDSTICK:
+            errors = nominal_errors(entry)[lap]
+            if errors is not None:
+                return optimality_gap(rms, results["references"][lap]["rms"], errors["rms"])
+    return None

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.references import gap
-from flexarm_agents.board.summary import LIMIT, counted, loss, nominal_errors, spans
+from flexarm_agents.board.summary import LIMIT, counted, gap, loss, nominal_errors, spans
 from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]

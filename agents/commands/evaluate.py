@@ -11,15 +11,13 @@ from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.commands.progress import progress_bar
+from flexarm_agents.commands.progress import Watched, episode_steps, progress_bar
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, legend, spreads_of
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
-from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, changed, plant_of
-from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
-from flexarm_agents.evaluation.seed_statistics import Spread
+from flexarm_agents.evaluation.scoring import Spread, StandardScore, evaluate, rank
 from flexarm_agents.files import check_place, write_json
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_agents.policies.load import shipped_policies

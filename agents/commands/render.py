@@ -8,10 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.commands.progress import progress_bar
+from flexarm_agents.commands.progress import Watched, episode_steps, progress_bar
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
-from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate
 from flexarm_agents.files import check_place
 from flexarm_agents.viewer.film import SENSOR, check_pictures

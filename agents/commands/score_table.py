@@ -6,8 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.evaluation.scoring import Score, StandardScore
-from flexarm_agents.evaluation.seed_statistics import Spread
+from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore
 from flexarm_env.laps import LAPS
 
 LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Lost laps have no errors."

@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.references import gap
-from flexarm_agents.board.summary import LIMIT, nominal_errors
+from flexarm_agents.board.summary import LIMIT, gap, nominal_errors
 from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
 from flexarm_env.envs.registration import IDS

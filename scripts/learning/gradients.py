@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from flexarm_agents import Spread
-from flexarm_agents.board.references import references
+from flexarm_agents.board.summary import references
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table

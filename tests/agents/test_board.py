@@ -15,8 +15,7 @@ from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.episodes import LANES, run_points, shares
-from flexarm_agents.board.gauges import observation_map
+from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
 from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, interface_of
 from flexarm_agents.code_version import DATA, code_version

@@ -9,8 +9,7 @@ import gymnasium
 import pytest
 
 from flexarm_agents.commands import progress, sources
-from flexarm_agents.commands.progress import progress_bar
-from flexarm_agents.commands.watching import Watched, episode_steps
+from flexarm_agents.commands.progress import Watched, episode_steps, progress_bar
 from flexarm_env.envs.single import FlexArmEnv
 
 

@@ -16,7 +16,7 @@ from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
 from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.margins import delay_margins
+from flexarm_agents.board.measure import delay_margins
 from flexarm_agents.board.summary import point_summary
 from flexarm_agents.board.tables import short_ranking, tables
 from flexarm_agents.board.terms import BOARD
