@@ -236,24 +236,15 @@ def _run(
     record["torque"][steps] = record["torque"][steps - 1]
     success, found = infos.get("is_success"), []
     for i, episode in enumerate(episodes):
-        one = _result(view, episode, ended[i], {name: values[: lengths[i], i] for name, values in record.items()})
+        known = {name: values[: lengths[i], i] for name, values in record.items()}
+        one = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i], "duration": float(known["time"][-1])}
+        one["figures"] = _figures(view, known) if ended[i] == COMPLETE else None
         if success is not None:
             one["success"] = bool(success[i]) and ended[i] == COMPLETE
         if drawn is not None:
             one["drawn"] = drawn[i]
         found.append(one)
     return found
-
-
-def _result(view: FlexArmEnvBase, episode: Episode, ended: str, known: Mapping[str, Array]) -> dict[str, Any]:
-    """Return plain values of an episode from its record until its end."""
-    return {
-        "lap": episode.lap,
-        "seed": episode.seed,
-        "ended": ended,
-        "duration": float(known["time"][-1]),
-        "figures": _figures(view, known) if ended == COMPLETE else None,
-    }
 
 
 def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
@@ -265,17 +256,10 @@ def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
 
 
 def _figures(view: FlexArmEnvBase, known: Mapping[str, Array]) -> dict[str, Any]:
-    limit = view.settings.motor_limit
-    figures = figures_of(
-        view.arm,
-        known["time"],
-        known["state"],
-        known["torque"],
-        known["true_tip"],
-        known["reference"],
-        limit if np.isfinite(limit).all() else None,
-    )
-    return figures.plain()
+    """Return the figures of a complete episode's record."""
+    limit, names = view.settings.motor_limit, ("time", "state", "torque", "true_tip", "reference")
+    limits = limit if np.isfinite(limit).all() else None
+    return figures_of(view.arm, *(known[name] for name in names), limits).plain()
 
 
 def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:

@@ -52,13 +52,6 @@ class Result(NamedTuple):
         return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
 
-class Group(NamedTuple):
-    """Trainings that differ in their seeds alone, and the spread over them of the medians of their laps."""
-
-    names: list[str]
-    spreads: Spreads
-
-
 def run(arguments: Sequence[str]) -> None:
     """Score, print tables, and write a file where one is named."""
     given = _read(arguments)
@@ -95,11 +88,11 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
         print(f"\n{lap_table(plant, [(each.candidate.name, each.scores) for each in plants[plant]])}")
     groups = _groups(results) if given.pool else []
     if groups:
-        print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
+        print(f"\n{group_table([(', '.join(names), spreads) for names, spreads in groups])}")
     if not (given.own or given.environment or given.options or given.arm):
         _print_own(results)
     about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
-    settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
+    settings = [{"trainings": names} | _plain(spreads) for names, spreads in groups]
     return about | {"results": [each.plain(seed) for each in results], "settings": settings}
 
 
@@ -184,8 +177,8 @@ def _candidates(given: argparse.Namespace) -> Iterator[Candidate]:
             yield Candidate(name, policy, env, environment, options, plant=plant_of(options))
 
 
-def _groups(results: Sequence[Result]) -> list[Group]:
-    """Group the results of each setting that was trained with several seeds."""
+def _groups(results: Sequence[Result]) -> list[tuple[list[str], Spreads]]:
+    """Return the trainings that differ in their seeds alone, with the spreads over them of their laps' medians."""
     members: dict[str, list[Result]] = {}
     for each in results:
         if each.candidate.config is not None:
@@ -199,7 +192,7 @@ def _groups(results: Sequence[Result]) -> list[Group]:
                 lap: {name: Spread.of(one[lap][name].median for one in each_spreads) for name in figures}
                 for lap, figures in each_spreads[0].items()
             }
-            groups.append(Group([each.candidate.name for each in found], spreads))
+            groups.append(([each.candidate.name for each in found], spreads))
     return groups
 
 

@@ -30,13 +30,9 @@ class Slider:
 
     Attributes:
         name: of the knob.
-        text: what it is.
         unit: in which it is shown.
-        scale: from the knob's unit to that one.
-        least: lowest value, in the knob's unit.
-        most: highest value.
+        scale: from the knob's unit, that of `least`, `most` and `step`, to that one.
         step: of the arrow keys.
-        color: of the knob.
         y: height of its line [px].
     """
 
