@@ -117,11 +117,6 @@ def test_what_writes_files_is_named_with_its_extra(
 # --- bad input ----------------------------------------------------------------------------------------------------
 
 
-def test_bad_arguments(run: Trajectory) -> None:
-    with refuses(ValueError, "size = 10: must be an integer from 64"):
-        Film(run, size=10)
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -155,24 +150,6 @@ def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, capsys: pytest
     assert capsys.readouterr().out == f"{picture}: written\n"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--output", "x.png", "--time", "9"), "time = 9.0: must be a finite number"),
-        (("--time", "1"), "time = 1 s: is for a .png file, see --output"),
-        (("--output", "x.gif", "--fps", "30"), "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a .gif file"),
-    ],
-)
-def test_replay_refuses(
-    run: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
-) -> None:
-    run.save(tmp_path / "run.npz")
-    given = [tmp_path / one if one.startswith("x.") else one for one in arguments]
-    assert status("replay", tmp_path / "run.npz", *given) == 1
-    assert words in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
-
-
 def test_replay_opens_a_window(run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -204,40 +181,38 @@ def test_render_runs_an_episode_that_replay_shows_again(
     assert one.read_bytes() == other.read_bytes()
 
 
-def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert status("render", "nobody") == 1
-    assert "policy 'nobody'" in capsys.readouterr().err
-    assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
-    assert status("render", "square", "--vec-normalize", "none") == 2
-    assert "--vec-normalize: there is no zip file" in capsys.readouterr().err
-    assert status("render", "ifdc", "--stable-baselines3", "PPO") == 2
-    assert "--stable-baselines3: there is no zip file" in capsys.readouterr().err
+RENDER, REPLAY = ("render", "ifdc"), ("replay", "run.npz")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "code", "words"),
     [
-        (("--output", "x.avi"), "output's suffix = '.avi': must be one of '.png', '.gif', '.mp4'"),
-        (("--output", "folder.png"), "folder.png: is a folder"),
-        (("--output", "x.png", "--time", "-1"), "time = -1.0: must be a finite number and >= 0.0 [s]"),
-        (("--output", "x.gif", "--time", "1"), "time = 1 s: is for .png files"),
-        (("--save", "folder.npz"), "folder.npz: is a folder"),
-        (("--fps", "0"), "fps = 0: must be an integer from 1 to 100"),
-        (("--speed", "0"), "speed = 0.0: must be a finite number"),
-        (("--size", "5"), "size = 5: must be an integer from 64"),
-        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
-        (
-            ("--fps", "100", "--speed", "0.01"),
-            "fps = 100 at speed = 0.01: makes 160001 pictures of 16 s; at most 100000",
-        ),
+        ((*REPLAY, "--output", "x.png", "--time", "9"), 1, "time = 9.0: must be a finite number"),
+        ((*REPLAY, "--time", "1"), 1, "time = 1 s: is for a .png file, see --output"),
+        ((*REPLAY, "--output", "x.gif", "--fps", "30"), 1, "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for"),
+        (("render", "nobody"), 1, "policy 'nobody'"),
+        ((*RENDER, "--save", "x.txt"), 2, "--save: must end in .npz, got "),
+        ((*RENDER, "--vec-normalize", "none"), 2, "--vec-normalize: there is no zip file"),
+        ((*RENDER, "--stable-baselines3", "PPO"), 2, "--stable-baselines3: there is no zip file"),
+        ((*RENDER, "--output", "x.avi"), 1, "output's suffix = '.avi': must be one of '.png', '.gif', '.mp4'"),
+        ((*RENDER, "--output", "folder.png"), 1, "folder.png: is a folder"),
+        ((*RENDER, "--output", "x.png", "--time", "-1"), 1, "time = -1.0: must be a finite number and >= 0.0 [s]"),
+        ((*RENDER, "--output", "x.gif", "--time", "1"), 1, "time = 1 s: is for .png files"),
+        ((*RENDER, "--save", "folder.npz"), 1, "folder.npz: is a folder"),
+        ((*RENDER, "--fps", "0"), 1, "fps = 0: must be an integer from 1 to 100"),
+        ((*RENDER, "--speed", "0"), 1, "speed = 0.0: must be a finite number"),
+        ((*RENDER, "--size", "5"), 1, "size = 5: must be an integer from 64"),
+        ((*RENDER, "--seed", "-1"), 1, "seed = -1: must be an integer >= 0"),
+        ((*RENDER, "--fps", "100", "--speed", "0.01"), 1, "fps = 100 at speed = 0.01: makes 160001 pictures of 16 s;"),
     ],
 )
-def test_render_refuses_before_the_episode(
+def test_what_is_refused_before_the_episode(
+    run: Trajectory,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     arguments: tuple[str, ...],
+    code: int,
     words: str,
 ) -> None:
     pytest.importorskip("pygame")
@@ -245,9 +220,12 @@ def test_render_refuses_before_the_episode(
     monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda *given: pytest.fail("the episode was run"))
     for name in ("folder.png", "folder.npz"):
         (tmp_path / name).mkdir()
-    given = [tmp_path / one if one.startswith(("x.", "folder.")) else one for one in arguments]
-    assert status("render", "ifdc", *given) == 1
+    run.save(tmp_path / "run.npz")
+    before = set(tmp_path.iterdir())
+    given = [tmp_path / one if one.startswith(("x.", "folder.", "run.")) else one for one in arguments]
+    assert status(*given) == code
     assert words in capsys.readouterr().err
+    assert set(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("verb", ["render", "play"])
