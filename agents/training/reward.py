@@ -121,6 +121,7 @@ class RewardTraining(Training):
         model.save(saved)
         return {
             "model": saved.getvalue(),
+            "action_space": model.action_space,  # its generator draws the actions before the first update
             "env": batch.env,
             "encoder": () if encoded is None else encoded.memory,
             "episodes": (monitor.episode_returns, monitor.episode_lengths),
@@ -137,6 +138,7 @@ class RewardTraining(Training):
             encoded.memory = state["encoder"]
         saved = io.BytesIO(state["model"])
         model = model_class(self.config).load(saved, env=monitor, device="cpu", force_reset=False)
+        model.action_space = state["action_space"]
         if state["lstm"] is not None:
             model._last_lstm_states = state["lstm"]
         _restore_replay(model, state["replay"])

@@ -30,8 +30,9 @@ from tests.support.refusals import refuses
 from tests.support.trainings import DESCENDED, TAUGHT, TINIES, TINY, at_step, broken_off, same_policy
 
 CASES = {"ppo": TINY, **TINIES, "dagger": TAUGHT, "fopg": DESCENDED}
-# Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part.
-BREAKS = {"ppo": (15, 100), "dagger": (2000, 3500), "fopg": (100, 160, 175)}
+# Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
+# also while its actions are still drawn at random.
+BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (2000, 3500), "fopg": (100, 160, 175)}
 SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
     ("ppo", signal.SIGINT, 15, 128),
     ("ppo", signal.SIGTERM, 75, 384),
