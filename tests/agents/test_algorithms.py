@@ -83,35 +83,6 @@ def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
                 np.testing.assert_array_equal(one["TimeLimit.truncated"], other["TimeLimit.truncated"])
 
 
-def test_a_time_limit_is_no_end_for_a_replay_buffer() -> None:
-    """What a time limit cut off is bootstrapped, from the last observation of that episode."""
-    config = config_of(**{**TINIES["sac"], "episode_steps": 12, "learning_starts": 400, "options": {}})
-    model = new_model(config)
-    seen: list[Any] = []
-    with pytest.MonkeyPatch.context() as patch:
-        step = FlexArmVecEnv.step_wait
-
-        def recorded(self: FlexArmVecEnv) -> Any:
-            found = step(self)
-            seen.append(found)
-            return found
-
-        patch.setattr(FlexArmVecEnv, "step_wait", recorded)
-        model.learn(4 * 30)
-    buffer = model.replay_buffer  # type: ignore[attr-defined]
-    ends = 0
-    for n, (observations, _, dones, infos) in enumerate(seen):
-        cut = [bool(info.get("TimeLimit.truncated", False)) for info in infos]
-        np.testing.assert_array_equal(buffer.timeouts[n], cut)
-        np.testing.assert_array_equal(buffer.dones[n], dones)
-        for i, info in enumerate(infos):
-            last = info["terminal_observation"] if dones[i] else observations[i]
-            np.testing.assert_array_equal(buffer.next_observations[n, i], last)
-        ends += sum(cut)
-    assert ends == 2 * config.envs
-    assert not buffer.sample(64).dones.any()
-
-
 def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)

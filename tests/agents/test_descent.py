@@ -83,26 +83,22 @@ class Chain:
         return np.einsum("tni,tnk->ik", by_output, window.observations[:-1].astype(np.float64))
 
 
-@pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.02, 0.0437])
-def test_the_gradient_is_that_of_the_environment(delay: float | None) -> None:
+GIVEN = [*({"delay": x} for x in (None, 0.0, 0.004, 0.02, 0.0437)), {"frame": "world"}, {"scaled": False}]
+
+
+@pytest.mark.parametrize("options", GIVEN, ids=str)
+def test_the_gradient_is_that_of_the_environment(options: dict[str, Any]) -> None:
     """Network's weights to costs: by differences of runs of the very environment, block by block."""
-    chain = Chain(delay=delay)
-    gradient, step = chain.gradient(), 3e-4
-    for name, place in chain.env.observation_blocks.items():
+    chain, step = Chain(**options), 3e-4
+    blocks = chain.env.observation_blocks
+    if "scaled" in options:
+        chain.weights, step, blocks = 0.2 * chain.weights, 1e-4, {"all": slice(None)}
+    gradient = chain.gradient()
+    for name, place in blocks.items():
         way = np.zeros_like(gradient)
         way[:, place] = gradient[:, place] / np.linalg.norm(gradient[:, place])
         difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)
         assert difference / (2.0 * step) == pytest.approx((gradient * way).sum(), rel=3e-3), name
-    chain.env.close()
-
-
-def test_in_the_worlds_frame_and_without_scales() -> None:
-    chain = Chain(frame="world", scaled=False)
-    chain.weights *= 0.2
-    gradient, step = chain.gradient(), 1e-4
-    way = gradient / np.linalg.norm(gradient)
-    difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)
-    assert difference / (2.0 * step) == pytest.approx((gradient * way).sum(), rel=3e-3)
     chain.env.close()
 
 

@@ -9,7 +9,7 @@ import gymnasium
 import pytest
 
 from flexarm_agents.commands import progress, sources
-from flexarm_agents.commands.progress import Watched, episode_steps, progress_bar
+from flexarm_agents.commands.progress import episode_steps, progress_bar
 from flexarm_env.envs.single import FlexArmEnv
 
 
@@ -34,15 +34,6 @@ def test_a_bar_is_shown_when_it_takes_long_and_goes_in_the_end(
         bar.update(3)
         assert "4/8" in errors.getvalue()
     assert errors.getvalue().rpartition("\r")[0].rpartition("\r")[2].strip() == ""  # the last line is blank
-
-
-def test_each_step_of_an_episode_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps: list[int] = []
-    env = FlexArmEnv()
-    monkeypatch.setattr(env, "step", lambda action: (action, 0.0, False, False, {}))
-    watched = Watched(env, lambda: steps.append(1))
-    assert [watched.step(n)[0] for n in range(3)] == [0, 1, 2]
-    assert len(steps) == 3
 
 
 def test_how_long_an_episode_is() -> None:

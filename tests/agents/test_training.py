@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
@@ -25,7 +24,6 @@ from flexarm_agents import FlexArmVecEnv, PPOConfig, TrainingStopped, load_polic
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.policies.constant import ConstantPolicy
-from flexarm_agents.training.models import new_model
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINY, finished, same_policy
 
@@ -131,23 +129,6 @@ def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
-
-
-def test_a_time_limit_is_bootstrapped() -> None:
-    """With rewards of the value's own scale the buffer's last reward must hold the value of what comes after."""
-    config = PPOConfig(**{**TINY, "options": {"start": "moving"}, "episode_steps": 5, "rollout": 5, "batch": 20})
-    model = new_model(config)
-    rewards: list[np.ndarray] = []
-
-    class Record(BaseCallback):
-        def _on_step(self) -> bool:
-            rewards.append(self.locals["rewards"].copy())
-            return True
-
-    model.learn(20, Record())
-    kept = model.rollout_buffer.rewards
-    np.testing.assert_array_equal(kept[:4], np.array(rewards[:4]))
-    assert np.all(kept[4] != rewards[4])
 
 
 # Kernels with noise that no other test compiles.

@@ -17,8 +17,6 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from flexarm_agents import FlexArmVecEnv
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from flexarm_env.extras import install_command
-from tests.support.envs import in_fresh_process
 
 ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
@@ -228,19 +226,3 @@ def test_what_is_refused(env: FlexArmVecEnv) -> None:
         env.step(np.zeros((COUNT, 2)))
     with pytest.raises(ValueError, match=r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', "):
         FlexArmVecEnv.make("CartPole-v1", 2)
-
-
-HINT = """
-import sys
-sys.modules["stable_baselines3"] = None
-try:
-    from flexarm_agents import FlexArmVecEnv
-except ModuleNotFoundError as error:
-    print(error.name, error)
-"""
-
-
-def test_without_stable_baselines3_the_extra_is_named() -> None:
-    told = in_fresh_process(HINT)
-    assert told.startswith("stable_baselines3 FlexArmVecEnv: stable_baselines3 is not installed")
-    assert install_command("train") in told
