@@ -83,7 +83,8 @@ class Chain:
         return np.einsum("tni,tnk->ik", by_output, window.observations[:-1].astype(np.float64))
 
 
-GIVEN = [*({"delay": x} for x in (None, 0.0, 0.004, 0.02, 0.0437)), {"frame": "world"}, {"scaled": False}]
+GIVEN = [*({"delay": x} for x in (None, 0.0, 0.004, 0.02, 0.0437)), {"frame": "world"}]
+GIVEN.append({"frame": "world", "scaled": False})
 
 
 @pytest.mark.parametrize("options", GIVEN, ids=str)
