@@ -17,17 +17,27 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexarm_agents.descent.config import FOPGConfig
-    from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore, evaluate, score
-    from flexarm_agents.jobs.stopping import TrainingStopped
-    from flexarm_agents.policies.load import Trained, load_policy, shipped_policies
-    from flexarm_agents.policies.network import NetworkPolicy
-    from flexarm_agents.sb3.export import network_policy
-    from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-    from flexarm_agents.teaching.config import DAggerConfig
-    from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig, TQCConfig
-    from flexarm_agents.training.config import config_of
-    from flexarm_agents.training.train import Outcome, train
+    from flexarm_agents.descent.config import FOPGConfig as FOPGConfig
+    from flexarm_agents.evaluation.scoring import Score as Score
+    from flexarm_agents.evaluation.scoring import Spread as Spread
+    from flexarm_agents.evaluation.scoring import StandardScore as StandardScore
+    from flexarm_agents.evaluation.scoring import evaluate as evaluate
+    from flexarm_agents.evaluation.scoring import score as score
+    from flexarm_agents.jobs.stopping import TrainingStopped as TrainingStopped
+    from flexarm_agents.policies.load import Trained as Trained
+    from flexarm_agents.policies.load import load_policy as load_policy
+    from flexarm_agents.policies.load import shipped_policies as shipped_policies
+    from flexarm_agents.policies.network import NetworkPolicy as NetworkPolicy
+    from flexarm_agents.sb3.export import network_policy as network_policy
+    from flexarm_agents.sb3.vec_env import FlexArmVecEnv as FlexArmVecEnv
+    from flexarm_agents.teaching.config import DAggerConfig as DAggerConfig
+    from flexarm_agents.training.algorithms import PPOConfig as PPOConfig
+    from flexarm_agents.training.algorithms import RecurrentPPOConfig as RecurrentPPOConfig
+    from flexarm_agents.training.algorithms import SACConfig as SACConfig
+    from flexarm_agents.training.algorithms import TQCConfig as TQCConfig
+    from flexarm_agents.training.config import config_of as config_of
+    from flexarm_agents.training.train import Outcome as Outcome
+    from flexarm_agents.training.train import train as train
 
 _MODULES = {
     "DAggerConfig": "teaching.config",
@@ -61,29 +71,7 @@ _FORMER = {
     "teach": "train",
 }
 
-__all__ = [
-    "DAggerConfig",
-    "FOPGConfig",
-    "FlexArmVecEnv",
-    "NetworkPolicy",
-    "Outcome",
-    "PPOConfig",
-    "RecurrentPPOConfig",
-    "SACConfig",
-    "Score",
-    "Spread",
-    "StandardScore",
-    "TQCConfig",
-    "Trained",
-    "TrainingStopped",
-    "config_of",
-    "evaluate",
-    "load_policy",
-    "network_policy",
-    "score",
-    "shipped_policies",
-    "train",
-]
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
