@@ -9,22 +9,23 @@ from typing import Any
 import pytest
 
 import flexarm_agents
-from flexarm_agents import DAggerConfig, PPOConfig, SACConfig, config_of, load_policy, shipped_policies
+from flexarm_agents import DAggerConfig, PPOConfig, SACConfig, config_of, load_policy, shipped_policies, train
 from flexarm_agents.training.config import read_config
 from flexarm_agents.training.run_folder import RunFolder
-from tests.support.trainings import ID, TINY
+from tests.support.trainings import ID, TINIES, TINY
 
 DAGGER, FOPG = {"algorithm": "dagger"}, {"algorithm": "fopg"}
+INITIAL, OBSERVED, LATER = TINIES["initial"], TINIES["observer"], TINIES["curriculum"]
+RESIDUAL = {"environment": "SquareResidual-v0"}
+WEAK = {"torque_limit": [100.0, 50.0]}
+DRAWN = {"randomisation": {"payload_mass": [0.0, 1.0]}}
+SECOND = {"second_sensor_link": 1, "observation": ["joint_error", "second_sensed_position"]}
 
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        (
-            {"environment": "CartPole-v1"},
-            ValueError,
-            r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', ",
-        ),
+        ({"environment": "CartPole-v1"}, ValueError, r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0'"),
         ({"environment": 3}, ValueError, r"environment = 3: must be one of"),
         ({"options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"options": {"noise": -1.0}}, ValueError, r"noise = -1.0: must be"),
@@ -49,55 +50,46 @@ DAGGER, FOPG = {"algorithm": "dagger"}, {"algorithm": "fopg"}
         ({"lags": (2, 1)}, ValueError, r"lags = \(2, 1\): must increase"),
         ({"lags": (1,), "observer": "delay"}, ValueError, r"a policy has one of them at most"),
         ({"observer": "nominal"}, ValueError, r"observation: must have 'joint_angles', 'sensed_position' with an obs"),
-        (
-            {"observer": "delay", "environment": "SquareResidual-v0"},
-            ValueError,
-            r"action_mode = 'residual': must be 'torque' with an observer",
-        ),
+        ({**RESIDUAL, "observer": "delay"}, ValueError, r"action_mode = 'residual': must be 'torque' with an observer"),
         ({"initial_policy": ""}, TypeError, r"initial_policy = '': must be a folder, a file or a name"),
         ({"value_steps": 5}, ValueError, r"value_steps = 5: must go with initial_policy, and be < steps = 2000000"),
         (
-            {"initial_policy": "square", "value_steps": 2_000_000},
+            {**INITIAL, "value_steps": 512},
             ValueError,
-            r"value_steps = 2000000: must go with initial_policy, and be < steps = 2000000",
+            r"value_steps = 512: must go with initial_policy, and be < steps",
         ),
         ({"value_learning_rate": 0.0}, ValueError, r"value_learning_rate = 0.0: must be .* > 0.0"),
         ({"curriculum_options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"curriculum_options": [1]}, TypeError, r"curriculum_options = \[1\]: must be a mapping"),
         (
-            {"curriculum_steps": 10, "curriculum_options": {}},
+            {"curriculum_steps": 1, "curriculum_options": {}},
             ValueError,
-            r"curriculum_steps = 10: must go with curriculum_options, and be < steps = 2000000",
+            r"curriculum_steps = 1: must go with curriculum",
+        ),
+        ({**LATER, "curriculum_steps": 512}, ValueError, r"curriculum_steps = 512: must .*, and be < steps = 512"),
+        ({**LATER, "curriculum_steps": 0}, ValueError, r"curriculum_steps = 0: must be an integer >= 1"),
+        (
+            {**TINY, "curriculum_options": {"last_actions": 2}},
+            ValueError,
+            r"curriculum_options = .*: must leave observ",
+        ),
+        ({**TINY, "curriculum_options": {"scaled": False}}, ValueError, r"curriculum_options = .*: must leave observ"),
+        ({**TINY, "curriculum_options": WEAK}, ValueError, r"curriculum_options = .*: must leave observation and act"),
+        (
+            {**OBSERVED, "initial_policy": "square"},
+            ValueError,
+            r"'square', observer = 'nominal': the network behind an",
         ),
         (
-            {"curriculum_options": {"noise": 0.1}, "curriculum_steps": 500, "steps": 500},
-            ValueError,
-            r"curriculum_steps = 500: must go with curriculum_options, and be < steps = 500",
+            {**INITIAL, "initial_policy": "nobody"},
+            FileNotFoundError,
+            r"'nobody': neither a folder or file nor a shipped",
         ),
-        (
-            {"curriculum_options": {"noise": 0.1}, "curriculum_steps": 0},
-            ValueError,
-            r"curriculum_steps = 0: must be an integer >= 1",
-        ),
-        (
-            {
-                "initial_policy": "square",
-                "observer": "nominal",
-                "environment": "SquareDelayEasy-v0",
-                "options": {
-                    "observation": [
-                        "joint_angles",
-                        "joint_rates",
-                        "sensed_position",
-                        "reference_position",
-                        "reference_velocity",
-                        "last_actions",
-                    ]
-                },
-            },
-            ValueError,
-            r"initial_policy = 'square', observer = 'nominal': the network behind an observer begins untrained",
-        ),
+        ({**INITIAL, "hidden": [64, 64]}, ValueError, r"'student_gauges': its hidden must be \(64, 64\), got \(128"),
+        ({**INITIAL, "activation": "tanh"}, ValueError, r"'student_gauges': its activation must be 'tanh', got 'elu'"),
+        ({**INITIAL, "lags": [1]}, ValueError, r"'student_gauges': its lags must be \(1,\), got None"),
+        ({**INITIAL, "initial_policy": "student"}, ValueError, r"'student': was trained on .* another observation or"),
+        ({**INITIAL, "options": {"frame": "world"}}, ValueError, r"'student_gauges': was trained on .* another observ"),
         ({"activation": "selu"}, ValueError, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
         ({**DAGGER, "arms": 3}, ValueError, r"arms = 3: must be even, half of them for each lap"),
         ({**DAGGER, "lags": 3}, TypeError, r"lags = 3: must be a list or a tuple"),
@@ -109,13 +101,35 @@ DAGGER, FOPG = {"algorithm": "dagger"}, {"algorithm": "fopg"}
         ({**FOPG, "critic_observation": ["sight"]}, ValueError, r"critic_observation\[0\] = 'sight'"),
         ({**FOPG, "critic_observation": ["state", "state"]}, ValueError, r"each only once"),
         ({**FOPG, "critic_epochs": 0, "critic_batch": 64}, ValueError, r"critic_batch = 64: has no effect with critic"),
+        ({**FOPG, "options": {"action_mode": "torque_rate"}}, ValueError, r"action_mode = .*: derivatives run through"),
+        (
+            {**FOPG, "options": {"sensor": "rigid"}},
+            ValueError,
+            r"sensor = 'rigid': derivatives run through 'true' only",
+        ),
+        ({**FOPG, "options": {"noise": 0.01}}, ValueError, r"noise = 0.01: derivatives run through 0.0 only"),
+        (
+            {**FOPG, "options": {"encoder_noise": [0.0, 0.01]}},
+            ValueError,
+            r"encoder_noise = .*: derivatives run through",
+        ),
+        (
+            {**FOPG, "options": {"actuation_delay": 0.01}},
+            ValueError,
+            r"actuation_delay = 0.01: derivatives run through",
+        ),
+        ({**FOPG, "options": DRAWN}, ValueError, r"randomisation = .*: derivatives run through"),
+        ({**FOPG, "options": SECOND}, ValueError, r"second_sensor_link = 1: derivatives run through"),
+        ({**FOPG, "curriculum_options": {"noise": 0.01}}, ValueError, r"noise = 0.01: derivatives run through"),
+        ({**FOPG, "curriculum_options": {"frame": "world"}}, ValueError, r"curriculum_options = .*: must leave"),
         ({**FOPG, "torque_noise": 2.0}, ValueError, r"torque_noise = 2.0"),
         ({**FOPG, "rounds": 1}, ValueError, r"trial_rounds = 4: must be at most rounds = 1, with more than one of"),
     ],
 )
-def test_impossible_configurations(options: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_impossible_trainings(options: dict[str, Any], error: type[Exception], message: str, tmp_path: Path) -> None:
     with pytest.raises(error, match=message):
-        config_of(**options)
+        train(config_of(**options), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_the_namespace_may_be_left_out() -> None:

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from stable_baselines3.common.logger import Logger
 
-from flexarm_agents import FOPGConfig, config_of, train
+from flexarm_agents import FOPGConfig, config_of
 from flexarm_agents.descent.adjoint import output_gradients, seen_in
 from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.observations import Observations, instants
@@ -21,7 +21,6 @@ from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import OF_FURTHER_SENSORS
-from tests.support.refusals import refuses
 from tests.support.trainings import DESCENDED, row
 
 Floats = NDArray[np.float64]
@@ -136,33 +135,6 @@ def test_observations_are_those_of_the_environment(frame: str) -> None:
     assert np.abs(np.diff(window.observations[known], axis=1)).max(axis=(0, 1)).min() == 0.0  # the task's own numbers
     np.testing.assert_allclose(found, window.observations[known], atol=3e-6)
     env.close()
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"action_mode": "torque_rate"},
-        {"sensor": "rigid"},
-        {"randomisation": {"payload_mass": [0.0, 1.0]}},
-        {"noise": 0.01},
-        {"encoder_noise": [0.0, 0.01]},
-        {"actuation_delay": 0.01},
-        {"second_sensor_link": 1, "observation": ["joint_error", "second_sensed_position"]},
-    ],
-)
-def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options: dict[str, Any]) -> None:
-    with refuses(ValueError, f"{next(iter(options))} = ", "derivatives run through"):
-        train(FOPGConfig(options=options), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("curriculum", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "curriculum_options = ")]
-)
-def test_a_curriculum_is_checked_at_once(tmp_path: Path, curriculum: dict[str, Any], words: str) -> None:
-    with refuses(ValueError, words):
-        train(FOPGConfig(curriculum_options=curriculum), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
 
 
 def test_episodes_begin_one_after_the_other() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -73,29 +72,6 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_array_equal(policies[2].log_std, policies[0].log_std)
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"initial_policy": "nobody"}, FileNotFoundError, r"'nobody': neither a folder or file nor a shipped policy"),
-        (
-            {"hidden": [64, 64]},
-            ValueError,
-            r"initial_policy = 'student_gauges': its hidden must be \(64, 64\), got \(128",
-        ),
-        ({"activation": "tanh"}, ValueError, r"'student_gauges': its activation must be 'tanh', got 'elu'"),
-        ({"lags": [1]}, ValueError, r"'student_gauges': its lags must be \(1,\), got None"),
-        ({"initial_policy": "student"}, ValueError, r"'student': was trained on .* with another observation or action"),
-        ({"options": {"frame": "world"}}, ValueError, r"'student_gauges': was trained on .* another observation"),
-    ],
-)
-def test_a_policy_that_does_not_fit(
-    changes: dict[str, Any], error: type[Exception], message: str, tmp_path: Path
-) -> None:
-    with pytest.raises(error, match=message):
-        train(config_of(**{**INITIAL, **changes}), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_policy_of_another_kind(tmp_path: Path) -> None:
     train(config_of(**{**TINIES["sac"], "steps": 80, "evaluate_every": 80}), tmp_path / "sac")
     with pytest.raises(ValueError, match=r"must be a fully connected network, as PPO and teaching make it"):
@@ -120,11 +96,3 @@ def test_a_curriculum_ends() -> None:
     assert (judged.env.settings.lap_time, judged.env.settings.deflection_limit) == (16.0, 1.5)
     assert after.observation_space == before.observation_space == judged.env.single_observation_space
     model.learn(256, reset_num_timesteps=False)
-
-
-def test_a_curriculum_with_another_observation(tmp_path: Path) -> None:
-    for options in ({"last_actions": 2}, {"scaled": False}, {"torque_limit": [100.0, 50.0]}):
-        config = config_of(**{**TINY, "curriculum_options": options})
-        with pytest.raises(ValueError, match=r"curriculum_options = .*: must leave observation and action"):
-            train(config, tmp_path / "run")
-    assert not (tmp_path / "run").exists()
