@@ -237,7 +237,8 @@ def _run(
     success, found = infos.get("is_success"), []
     for i, episode in enumerate(episodes):
         known = {name: values[: lengths[i], i] for name, values in record.items()}
-        one = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i], "duration": float(known["time"][-1])}
+        one: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i]}
+        one["duration"] = float(known["time"][-1])
         one["figures"] = _figures(view, known) if ended[i] == COMPLETE else None
         if success is not None:
             one["success"] = bool(success[i]) and ended[i] == COMPLETE
@@ -257,9 +258,11 @@ def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
 
 def _figures(view: FlexArmEnvBase, known: Mapping[str, Array]) -> dict[str, Any]:
     """Return the figures of a complete episode's record."""
-    limit, names = view.settings.motor_limit, ("time", "state", "torque", "true_tip", "reference")
-    limits = limit if np.isfinite(limit).all() else None
-    return figures_of(view.arm, *(known[name] for name in names), limits).plain()
+    limit = view.settings.motor_limit
+    time, state, torque, tip, reference = (known[name] for name in ("time", "state", "torque", "true_tip", "reference"))
+    return figures_of(
+        view.arm, time, state, torque, tip, reference, limit if np.isfinite(limit).all() else None
+    ).plain()
 
 
 def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.descent.costs import Costs
 from flexarm_agents.descent.observations import Instant, Observations, Seen, instants
-from flexarm_agents.descent.window import Window, usable
+from flexarm_agents.descent.window import Costs, Window, usable
 
 Floats = NDArray[np.float64]
 MOST = 1e9  # [m]; a larger derivative by an output is that of an arm that flies apart

@@ -17,9 +17,8 @@ from torch.optim.lr_scheduler import LinearLR
 
 from flexarm_agents.descent.adjoint import output_gradients
 from flexarm_agents.descent.config import FOPGConfig
-from flexarm_agents.descent.costs import Costs, costs, largest_cost
 from flexarm_agents.descent.observations import Observations
-from flexarm_agents.descent.window import Singles, Window
+from flexarm_agents.descent.window import Costs, Singles, Window, costs, largest_cost
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.layers import fully_connected, linear_layers, weights_and_biases
 

@@ -10,8 +10,8 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES, numbers, set_layers, weights_and_biases
+from flexarm_agents.sb3.vec_env import EncodedVecEnv
 
 
 def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) -> NetworkPolicy:

@@ -16,9 +16,11 @@ import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from flexarm_agents.environments import make_batch
+from flexarm_agents.policies.encoders import Array, Encoder, Memory, encoded
 from flexarm_env.envs.info import Episode
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -246,3 +248,38 @@ def _warn_of_threads() -> None:
             "than one on an idle machine, and many times slower on a busy one or under a limit of its processors. Call "
             f"torch.set_num_threads(1) before the training, or set {_THREADS} to the number that you want"
         )
+
+
+class EncodedVecEnv(VecEnvWrapper):
+    """Arms whose observations are an encoder's outputs.
+
+    Attributes:
+        encoder: of the observations.
+        memory: of the encoder, after the last observations; empty before the first.
+    """
+
+    def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
+        space = gymnasium.spaces.Box(-np.inf, np.inf, (encoder.inputs,), np.float32)
+        super().__init__(venv, observation_space=space)
+        self.encoder = encoder
+        self.memory: Memory = ()
+
+    def reset(self) -> Array:
+        """Begin an episode in every environment."""
+        observations = self.venv.reset()
+        assert isinstance(observations, np.ndarray)
+        inputs, self.memory = self.encoder.reset(observations)
+        return inputs
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Return the results of the step; the last observation of an episode is encoded, too."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        assert isinstance(observations, np.ndarray)
+        ended = np.flatnonzero(dones)
+        if len(ended):
+            before = tuple(part[ended] for part in self.memory)
+            last, _ = self.encoder.advance(np.stack([infos[i]["terminal_observation"] for i in ended]), before)
+            for i, one in zip(ended, last, strict=True):
+                infos[i]["terminal_observation"] = one
+        inputs, self.memory = encoded(self.encoder, observations, self.memory, dones)
+        return inputs, rewards, dones, infos

@@ -22,9 +22,8 @@ from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_agents.training.checkpoint import read_checkpoint, write_checkpoint
 from flexarm_agents.training.config import RunConfig
-from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder, read_checkpoint, write_checkpoint
 
 _log = logging.getLogger(__name__)
 EVALUATION_SEED = 1_000_003  # not one of the training's, for any small seed

@@ -15,9 +15,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from flexarm_agents.environments import make_batch, make_one
 from flexarm_agents.policies.encoders import Encoder, past_readings
 from flexarm_agents.policies.observer import Observer
-from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES
-from flexarm_agents.sb3.vec_env import FlexArmVecEnv
+from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
 from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, RewardConfig, SACConfig
 from flexarm_agents.training.hyperparameters import names_in_zoo
 from flexarm_env.envs.vector import FlexArmVectorEnv

@@ -13,9 +13,8 @@ from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
 from flexarm_agents.files import put
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.export import network_policy, set_network
-from flexarm_agents.sb3.vec_env import FlexArmVecEnv
+from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
 from flexarm_agents.training.algorithms import PPOConfig, RewardConfig
 from flexarm_agents.training.loop import Training
 from flexarm_agents.training.models import batch_for, end_curriculum, hold_policy, model_class, new_model

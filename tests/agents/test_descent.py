@@ -12,10 +12,9 @@ from stable_baselines3.common.logger import Logger
 
 from flexarm_agents import FOPGConfig, config_of
 from flexarm_agents.descent.adjoint import output_gradients, seen_in
-from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.observations import Observations, instants
 from flexarm_agents.descent.training import FOPGTraining
-from flexarm_agents.descent.window import Driver, Window
+from flexarm_agents.descent.window import Driver, Window, costs, error_cost, largest_cost
 from flexarm_agents.environments import make_batch
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.envs.blocks import BLOCKS

@@ -21,9 +21,8 @@ from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.observer import Observer
-from flexarm_agents.training.checkpoint import read_checkpoint
 from flexarm_agents.training.config import RunConfig, read_config
-from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses

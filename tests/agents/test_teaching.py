@@ -13,10 +13,9 @@ import torch
 from flexarm_agents import DAggerConfig, NetworkPolicy, config_of, train
 from flexarm_agents.environments import make_batch
 from flexarm_agents.policies.encoders import PastReadings
-from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_agents.teaching.rollouts import Rollout, run_rollout, teacher_share
 from flexarm_agents.teaching.student import Student
-from flexarm_agents.teaching.teacher import Pupils, Teacher
+from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, bank
 from flexarm_baselines.optimal import load_plan
 from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings

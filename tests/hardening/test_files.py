@@ -20,9 +20,8 @@ from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.policies.load import POLICIES, load_policy
-from flexarm_agents.training.checkpoint import read_checkpoint
 from flexarm_agents.training.reward import RewardTraining
-from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.hardening.amounts import CAMPAIGN, cases

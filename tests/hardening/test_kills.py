@@ -76,7 +76,7 @@ def _check_training(folder: Path) -> int:
             load_policy(path)
     if run.checkpoint.exists():
         from flexarm_agents import PPOConfig
-        from flexarm_agents.training.checkpoint import read_checkpoint
+        from flexarm_agents.training.run_folder import read_checkpoint
 
         read_checkpoint(run.checkpoint, run.read_config(PPOConfig))
     evaluations = run.evaluations.with_suffix(".json")
