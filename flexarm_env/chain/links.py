@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from flexarm_env.chain import model as chain
 from flexarm_env.parameters import ArmParameters
-from flexarm_env.physics.fixed_point import fixed_point
 
 Array = NDArray[np.float64]
 PLACES = 41  # where a link's deflection is read, root and tip among them
@@ -96,32 +95,6 @@ class Chain:
         """
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = angles, rates
-
-    def place(self, joints: Array, force: Array | None = None) -> None:
-        """Put it at rest, straight or bent by a force at the tip while the joints are held.
-
-        Args:
-            joints: theta1, theta2 [rad].
-            force: x, y [N].
-
-        Raises:
-            RuntimeError: for a force that bends it too far.
-        """
-        self.data.qpos[self.shoulder_and_elbow] = joints
-        if force is None or not np.any(force):
-            return
-        springs = self.model.jnt_stiffness.ravel()
-        bending = springs > 0.0
-        jacobian = np.zeros((3, self.model.nv))
-
-        def balanced(angles: Array) -> Array:
-            self.data.qpos[bending] = angles
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_comPos(self.model, self.data)
-            mujoco.mj_jacSite(self.model, self.data, jacobian, None, self._tip)
-            return np.asarray((force @ jacobian[:2])[bending] / springs[bending])
-
-        self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
 
     # --- what it is --------------------------------------------------------------------------------------------------
 

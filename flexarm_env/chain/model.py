@@ -38,7 +38,6 @@ from flexarm_env.physics.damping import clamped_ratio, material_time
 
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
-_RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 MOST_STEPS = 1000  # of `stable_steps`
 _MARGIN = 1.1  # of the longest stable step of the straight chain over the one that is taken
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
@@ -166,16 +165,6 @@ def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
 # --- looking at a chain -----------------------------------------------------------------------------------------------
 
 
-def joint_angles(data: mujoco.MjData) -> tuple[float, float]:
-    """Return theta1, theta2 [rad]."""
-    return float(data.joint(SHOULDER).qpos[0]), float(data.joint(ELBOW).qpos[0])
-
-
-def joint_rates(data: mujoco.MjData) -> tuple[float, float]:
-    """Return the rates of theta1 and theta2 [rad/s]."""
-    return float(data.joint(SHOULDER).qvel[0]), float(data.joint(ELBOW).qvel[0])
-
-
 def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
     """Return where the end of link 2 is now [m]. Shape (2,).
 
@@ -185,15 +174,14 @@ def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float
     return data.site(TIP).xpos[:2].copy()
 
 
-def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: float = 0.0) -> NDArray[np.float64]:
-    """Return the undamped angular frequencies about rest with unbent links, lowest first [rad/s].
+def frequencies(model: mujoco.MjModel, locked: Collection[str] = ()) -> NDArray[np.float64]:
+    """Return the undamped angular frequencies of the straight chain about rest, lowest first [rad/s].
 
     Args:
         model: the chain.
         locked: names of joints that are held; a free shoulder or elbow gives a zero.
-        elbow: theta2 [rad].
     """
-    mass = mass_matrix(model, elbow)
+    mass = mass_matrix(model)
     free = [k for k in range(model.nv) if model.joint(k).name not in locked]  # a hinge has one degree of freedom
     squares = eigh(_springs(model)[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
     return np.sqrt(np.maximum(squares, 0.0))
@@ -207,15 +195,9 @@ def fastest_rate(model: mujoco.MjModel) -> float:
     return max(omega, 0.5 * (drag + math.sqrt(max(drag**2 - 4.0 * omega**2, 0.0))))
 
 
-def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64]:
-    """Return the mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
-
-    Args:
-        model: the chain.
-        elbow: theta2 [rad].
-    """
+def mass_matrix(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Return the mass matrix of the straight chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments)."""
     data = mujoco.MjData(model)
-    data.joint(ELBOW).qpos[0] = elbow
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
@@ -237,27 +219,6 @@ def _springs(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 # --- the time step ----------------------------------------------------------------------------------------------------
-
-
-def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0) -> bool:
-    """Return whether the linear chain does not grow by itself, and a run under random torques stays bounded.
-
-    Args:
-        model: the chain.
-        seconds: length of the run [s].
-        torque: uniform between plus and minus this [N m], drawn anew every ms (every step if that is longer).
-    """
-    if growth(model, model.opt.timestep) > 1.0 + _ROUNDING:
-        return False
-    data, random = mujoco.MjData(model), np.random.default_rng(0)
-    held = max(1, round(1e-3 / model.opt.timestep))
-    for step in range(round(seconds / model.opt.timestep)):
-        if step % held == 0:
-            data.ctrl[:] = random.uniform(-torque, torque, 2)
-        mujoco.mj_step(model, data)
-        if not np.abs(data.qvel).max() < _RUNAWAY:
-            return False
-    return True
 
 
 def stable_steps(model: mujoco.MjModel, time: float, longest: float) -> int:
@@ -304,7 +265,7 @@ def growth(model: mujoco.MjModel, step: float) -> float:
 
 
 def largest_stable_step(segments: int, arm: ArmParameters | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
-    """Find the first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
+    """Find the first of `steps` with which the linear chain does not grow by itself [s].
 
     Args:
         segments: rigid segments a link.
@@ -312,9 +273,10 @@ def largest_stable_step(segments: int, arm: ArmParameters | None = None, steps: 
         steps: largest first [s].
 
     Raises:
-        ValueError: if none is.
+        ValueError: if there is none.
     """
+    model = chain_model(segments, arm)
     for step in steps:
-        if is_stable(chain_model(segments, arm, step)):
+        if growth(model, step) <= 1.0 + _ROUNDING:
             return step
     raise ValueError(f"segments = {segments}: unstable with each step of {tuple(steps)} s")

@@ -55,14 +55,11 @@ def test_inertia_of_the_straight_arm() -> None:
         assert mass[segments, segments] == pytest.approx(second)
 
 
-def test_tip_and_joints() -> None:
+def test_tip() -> None:
     model = chain.chain_model(6)
     data = mujoco.MjData(model)
     np.testing.assert_allclose(chain.tip_position(model, data), [9.0, 0.0], atol=1e-12)
     data.joint("shoulder").qpos[0], data.joint("elbow").qpos[0] = np.pi / 2, -np.pi / 2
-    data.joint("elbow").qvel[0] = 0.4
-    assert chain.joint_angles(data) == (np.pi / 2, -np.pi / 2)
-    assert chain.joint_rates(data) == (0.0, 0.4)
     np.testing.assert_allclose(chain.tip_position(model, data), [L, L], atol=1e-12)
 
 
@@ -72,7 +69,7 @@ def test_motors_turn_their_joints() -> None:
         data = mujoco.MjData(model)
         data.ctrl[motor] = 5.0
         mujoco.mj_step(model, data)
-        assert chain.joint_rates(data)[motor] > 0.0
+        assert data.joint(("shoulder", "elbow")[motor]).qvel[0] > 0.0
 
 
 def test_material_damping_and_friction_are_in_the_hinges() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.chain.links import PLACES, Bend, Chain, Sight
 from flexarm_env.chain.model import chain_model, frequencies
-from tests.validation.motion import MODEL_ANGLE, Motion
+from tests.validation.motion import MODEL_ANGLE, Motion, fixed_point
 from tests.validation.programmes import HELD, Programme
 
 Array = NDArray[np.float64]
@@ -61,6 +61,24 @@ class EngineChain(Chain):
         model.opt.timestep = HELD / self.substeps
         super().__init__(model, arm)
         self._end = self.point_weights(2, arm.link_lengths[1])
+
+    def place(self, joints: Array, force: Array | None = None) -> None:
+        """Put it at rest, straight or bent by a force at the tip [N] while the joints are held [rad]."""
+        self.data.qpos[self.shoulder_and_elbow] = joints
+        if force is None or not np.any(force):
+            return
+        springs = self.model.jnt_stiffness.ravel()
+        bending = springs > 0.0
+        jacobian = np.zeros((3, self.model.nv))
+
+        def balanced(angles: Array) -> Array:
+            self.data.qpos[bending] = angles
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_comPos(self.model, self.data)
+            mujoco.mj_jacSite(self.model, self.data, jacobian, None, self._tip)
+            return np.asarray((force @ jacobian[:2])[bending] / springs[bending])
+
+        self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
         """See `Plant.advance`."""

@@ -10,12 +10,43 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from matplotlib.figure import Figure
 
 from scripts.common.markdown import table
 from scripts.common.plotting import save
+
+
+class Check(NamedTuple):
+    """A figure with its threshold.
+
+    Attributes:
+        name: what is compared, a few words; unique in its module.
+        figure: finds it.
+        reason: why the threshold is what it is, one sentence.
+        unit: of figure and threshold.
+        least: smallest figure that passes.
+        most: largest figure that passes.
+    """
+
+    name: str
+    figure: Callable[[], float]
+    reason: str
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+
+
+def checked(*checks: Check) -> Callable[[Check, Page], None]:
+    """Return a test of each check."""
+
+    @pytest.mark.parametrize("check", checks, ids=[check.name for check in checks])
+    def test_check(check: Check, page: Page) -> None:
+        page.check(check)
+
+    return test_check
 
 
 class Page:
@@ -30,32 +61,12 @@ class Page:
         """
         self._record, self._figures = record, figures
 
-    def check(
-        self,
-        name: str,
-        figure: float,
-        reason: str,
-        unit: str = "",
-        least: float | None = None,
-        most: float | None = None,
-    ) -> None:
-        """Record a check, and assert that its figure is finite and within its bounds.
-
-        Args:
-            name: what is compared, a few words; unique in its module.
-            figure: what was found.
-            reason: why the threshold is what it is, one sentence.
-            unit: unit of figure and threshold.
-            least: smallest figure that passes.
-            most: largest figure that passes.
-        """
-        bounds = {key: float(value) for key, value in (("least", least), ("most", most)) if value is not None}
-        assert reason
-        assert bounds
-        passed = math.isfinite(figure) and bounds.get("least", -math.inf) <= figure <= bounds.get("most", math.inf)
-        found = {"name": name, "figure": float(figure), "reason": reason, "unit": unit, "least": None, "most": None}
-        self._record("check", json.dumps(found | bounds | {"passed": bool(passed)}))
-        assert passed, f"{name}: {figure:.6g} {unit}, must be within {bounds}"
+    def check(self, check: Check) -> None:
+        """Record a check, and assert that its figure is finite and within its bounds."""
+        figure, least, most = float(check.figure()), check.least, check.most
+        passed = math.isfinite(figure) and (least is None or least <= figure) and (most is None or figure <= most)
+        self._record("check", json.dumps(check._asdict() | {"figure": figure, "passed": passed}))
+        assert passed, f"{check.name}: {figure:.6g} {check.unit}, must be from {least} to {most}"
 
     def quote(self, figures: Mapping[str, float]) -> None:
         """Record figures that texts quote, by their names there."""

@@ -7,12 +7,14 @@ plan see it through the drivers of their own environment.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import count
 from typing import NamedTuple, Protocol
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexarm_agents.board.entries import Entry
@@ -22,8 +24,10 @@ from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_ki
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.predictor import predictor
+from scripts.common.plotting import WIDTH, headline, label_ends, plain_ticks, running_rms
 from tests.validation.arms import EngineChain, Modal, Plant
 from tests.validation.hosted import HostedEnv
+from tests.validation.kept import kept
 from tests.validation.motion import apart, rms
 from tests.validation.programmes import HELD
 
@@ -34,11 +38,15 @@ ERROR_LIMIT = 2.5  # [m], that of the environments
 # What feedback may do without exciting vibrations that its model does not have; the baselines' own weights, which
 # ask for ten times the stiffness, do excite them.
 GENTLE = RegulatorWeights(tip=0.03, speed=1.0)
-WEIGHTS = {"plan with gentle feedback": GENTLE, "plan with aggressive feedback": GOOD}
-DEFAULT, FOUR = "3 polynomials", "4 polynomials"
+GENTLY, AGGRESSIVELY = "plan with gentle feedback", "plan with aggressive feedback"
+STUDENT = "student of unknown arms"
+AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
+DEFAULT, FOUR, FORMER = "3 polynomials", "4 polynomials", "linear, 2 modes"
 MODELS = {f"{n} polynomials": ArmParameters(modes_per_link=n) for n in (2, 3, 4)}
-ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
-COARSE, CHAIN, FINER = (f"chain, {n} elements" for n in (*ELEMENTS, 2 * ELEMENTS[1]))
+ARMS = MODELS | {FORMER: ArmParameters.linear()}
+# by their elements a link; the difference of the first two is the second one's error, times three
+COARSE, CHAIN, FINER = CHAINS = {f"chain, {n} elements": n for n in (10, 20, 40)}
+WINDOW = 50  # control periods that a picture takes together: half a second
 
 
 class Lap(NamedTuple):
@@ -202,6 +210,49 @@ def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) 
     return chain
 
 
-def default_chain(lap: str, elements: int = ELEMENTS[1]) -> Plant:
-    """Set a chain of the default arm on the first corner of a lap."""
-    return on_corner(ArmParameters(), lap, elements)
+def on_start(lap: str, plant: str) -> Plant:
+    """Set one of `ARMS`, or one of `CHAINS` of the default arm, on the first corner of a lap."""
+    return on_corner(ARMS.get(plant, ArmParameters()), lap, CHAINS.get(plant))
+
+
+@cache
+def controller(lap: str, name: str | float) -> Controller:
+    """Return one of the tables' controllers, one of the board, or gentle feedback along a plan of some smoothness."""
+    if isinstance(name, float):
+        return Regulator(lap, GENTLE, name)
+    if name in (GENTLY, AGGRESSIVELY):
+        return Regulator(lap, GENTLE if name == GENTLY else GOOD)
+    return Hosted(AGENTS.get(name, name), lap)
+
+
+@kept
+def lap_of(lap: str, name: str | float, plant: str) -> Lap:
+    """Run a controller on an arm; off the chain that others are compared with, models' states are read."""
+    models = [FlexibleArm(parameters) for parameters in MODELS.values()] if plant == CHAIN else []
+    return run_lap(controller(lap, name), on_start(lap, plant), models)
+
+
+def from_chain(lap: str, name: str | float, plant: str) -> Away:
+    """Return how far an arm's tip is from the chain's."""
+    return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
+
+
+def over_time(lines: Mapping[tuple[str, tuple[str, str]], NDArray[np.float64]], title: str) -> Figure:
+    """Draw distances over a lap, one panel a lap.
+
+    Args:
+        lines: distances in each control period [m], as far as the laps go, by lap, and by text and colour of the line.
+        title: title of the picture.
+    """
+    figure, axes = plt.subplots(len(LAPS), figsize=(WIDTH, 6.4), sharex=True)
+    for axis, lap in zip(axes, LAPS, strict=True):
+        own = {look: 1e3 * running_rms(away, WINDOW) for (one, look), away in lines.items() if one == lap}
+        for (_, colour), away in own.items():
+            axis.semilogy(HELD * PERIODS * np.arange(len(away)), away, color=colour, linewidth=1.6)
+        axis.set(title=f"{lap} lap", ylabel="r.m.s. over 0.5 s [mm]", ylim=(0.5, 1000.0), xlim=(0.0, 16.0))
+        plain_ticks(axis.yaxis)
+        axis.set_xticks(range(0, 17, 4))
+        label_ends(axis, [*own], [away[-1] for away in own.values()])
+    axes[-1].set_xlabel("time [s]")
+    headline(figure, title)
+    return figure

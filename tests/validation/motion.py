@@ -7,6 +7,7 @@ under the same force.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.physics.fixed_point import fixed_point
 from tests.validation.programmes import HELD, Model, Programme
 
 Array = NDArray[np.float64]
@@ -78,6 +78,17 @@ def bent_by(arm: FlexibleArm, joints: Array, force: Array) -> Array:
         return (force @ jacobian)[2:] / stiffness
 
     return np.concatenate([joints, fixed_point(balanced, np.zeros(arm.size - 2))])
+
+
+def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
+    """Return x with function(x) = x, by damped repetition; a RuntimeError says that it does not settle."""
+    x = start.copy()
+    for _ in range(300):
+        change = function(x) - x
+        x += 0.5 * change
+        if np.abs(change).max() < 1e-12:
+            return x
+    raise RuntimeError("the shape under this force was not found: it bends too far")
 
 
 def apart(one: Array, other: Array) -> Array:

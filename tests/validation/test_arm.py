@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
@@ -15,7 +16,7 @@ from scripts.common.plotting import COLOURS, INK, SOFT, THRESHOLD, WIDTH, headli
 from tests.validation import beams
 from tests.validation import finite_elements as fe
 from tests.validation.beams import Joints
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.small_motion import BASES, COUNT, MODES, SHAPES, Case, frequencies, rate, with_shapes
 
 pytestmark = pytest.mark.validation
@@ -63,12 +64,9 @@ class ArmCase(NamedTuple):
     held: dict[tuple[str, int], Array]
 
 
-Cases = dict[tuple[str, str, float], ArmCase]  # by load, joints and elbow angle
-
-
-@pytest.fixture(scope="module")
-def cases() -> Cases:
-    """All loads, joints and angles."""
+@cache
+def cases() -> dict[tuple[str, str, float], ArmCase]:
+    """All loads, joints and elbow angles."""
     return {
         (load, joints, a): _case(LOADS[load], JOINTS[joints], a) for load in LOADS for joints in JOINTS for a in ANGLES
     }
@@ -93,25 +91,16 @@ def _motions(arm: FlexibleArm, theta2: float, joints: Joints) -> Array:
     return fe.shape_motions(arm.parameters, theta2, joints, (first, second))
 
 
-def largest(cases: Cases, basis: str, joints: str, load: str | None = None) -> Array:
+def largest(basis: str, joints: str, load: str | None = None) -> Array:
     """Return errors of the first two elastic frequencies, largest over angles and loads. Shape (len(MODES), 2)."""
-    own = [found.case for (one, other, _), found in cases.items() if other == joints and load in (None, one)]
+    own = [found.case for (one, other, _), found in cases().items() if other == joints and load in (None, one)]
     return np.array([np.max([case.errors(basis, m)[:2] for case in own], axis=0) for m in MODES])
 
 
 # --- exact equation and finite elements -------------------------------------------------------------------------------
 
 
-def test_finite_elements_agree_with_the_exact_equation(cases: Cases, page: Page) -> None:
-    page.check(
-        "finite elements against the exact equation, first 4 frequencies, all joints, loads and angles",
-        max(np.abs(found.elements / found.case.exact - 1.0).max() for found in cases.values()),
-        "rounding in the lowest frequency, 1e-16 times (fastest over lowest of the mesh)^2; the mesh adds 1e-8",
-        most=1e-6,
-    )
-
-
-@pytest.fixture(scope="module")
+@cache
 def mesh_errors() -> dict[str, Array]:
     """Relative error of the bare arm's fourth frequency at 90 degrees, by mesh: rounding reaches it last."""
     found = {}
@@ -122,72 +111,10 @@ def mesh_errors() -> dict[str, Array]:
     return found
 
 
-def test_finite_elements_are_of_fourth_order(mesh_errors: dict[str, Array], page: Page) -> None:
-    page.check(
-        "order of the finite elements, that furthest from 4",
-        max((rate(MESHES[1:], e[1:]) for e in mesh_errors.values()), key=lambda order: abs(order - 4.0)),
-        "cubic elements: strain energy, and with it a frequency, is right to order 4",
-        least=3.9,
-        most=4.1,
-    )
-
-
-# --- the package ------------------------------------------------------------------------------------------------------
-
-
-def test_the_package_agrees_with_finite_elements_of_the_same_shapes(cases: Cases, page: Page) -> None:
-    page.check(
-        "the package's frequencies against finite elements held to the same shapes, 1 to 4 modes",
-        max(
-            np.abs(found.case.found[shapes] / found.held[shapes] - 1.0).max()
-            for found in cases.values()
-            for shapes in SHAPES
-        ),
-        "same shapes, same motions: what is left is the interpolation of shapes, (lambda_4 h)^4 / 720 = 1.2e-6",
-        most=2e-6,
-    )
-
-
-def test_frequencies_are_upper_bounds(cases: Cases, page: Page) -> None:
-    page.check(
-        "least error against the exact equation of any frequency, 1 to 4 modes",
-        min(found.case.least_error for found in cases.values()),
-        "Rayleigh and Ritz: a model of fewer shapes is stiffer, its frequencies are upper bounds (rounding 1e-9)",
-        least=-1e-9,
-    )
-
-
-def test_frequencies_fall_with_each_mode(cases: Cases, page: Page) -> None:
-    page.check(
-        "largest growth of a frequency with one more mode",
-        max(found.case.growth for found in cases.values()),
-        "Rayleigh and Ritz: one more shape can only lower every frequency (rounding 1e-9)",
-        most=1e-9,
-    )
-
-
-def test_two_modes_hold_the_bare_arm(cases: Cases, page: Page) -> None:
-    page.check(
-        "bare arm, free joints, 2 clamped-free modes: first two elastic frequencies, largest error",
-        largest(cases, "cantilever", "free", "bare")[1].max(),
-        "the claim of docs/model.md, 1 %, which is checked here; the linear arm has these",
-        most=0.01,
-    )
-
-
-def test_four_polynomials_hold_any_arm(cases: Cases, page: Page) -> None:
-    page.check(
-        "any joints, load and angle, 4 polynomials: first two elastic frequencies, largest error",
-        max(largest(cases, "polynomial", joints)[3].max() for joints in JOINTS),
-        "a choice, 1 % as for the linear arm: polynomials bend under any force and moment at a link's ends",
-        most=0.01,
-    )
-
-
 # --- more clamped-free shapes than the package has --------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@cache
 def shape_errors() -> dict[str, Array]:
     """Relative error of the bare arm's first frequency at 90 degrees, by number of clamped-free shapes."""
     count, found = max(RATE_MODES), {}
@@ -202,14 +129,12 @@ def shape_errors() -> dict[str, Array]:
     return found
 
 
-@pytest.mark.parametrize("joints", JOINTS)
-def test_boundary_forces_decide_the_rate_of_convergence(
-    shape_errors: dict[str, Array], joints: str, page: Page
-) -> None:
-    order, lacks = (1.0, "moment") if JOINTS[joints].elbow else (3.0, "shear force")
-    page.check(
-        f"rate of convergence with clamped-free modes, {joints}: p of error ~ modes^-p",
-        rate(RATE_MODES, shape_errors[joints][np.array(RATE_MODES) - 1]),
+def rate_check(name: str, joints: Joints) -> Check:
+    """Return the check of how fast clamped-free shapes converge: what link 1's tip carries decides it."""
+    order, lacks = (1.0, "moment") if joints.elbow else (3.0, "shear force")
+    return Check(
+        f"rate of convergence with clamped-free modes, {name}: p of error ~ modes^-p",
+        lambda: rate(RATE_MODES, shape_errors()[name][np.array(RATE_MODES) - 1]),
         f"link 1's tip carries a {lacks}, which no clamped-free shape has: the modes left out "
         f"contribute the sum of i^-{order + 1:.0f}, so p tends to {order:.0f}",
         least=0.8 * order,
@@ -217,34 +142,88 @@ def test_boundary_forces_decide_the_rate_of_convergence(
     )
 
 
+# --- the checks -------------------------------------------------------------------------------------------------------
+
+test_checks = checked(
+    Check(
+        "finite elements against the exact equation, first 4 frequencies, all joints, loads and angles",
+        lambda: max(np.abs(found.elements / found.case.exact - 1.0).max() for found in cases().values()),
+        "rounding in the lowest frequency, 1e-16 times (fastest over lowest of the mesh)^2; the mesh adds 1e-8",
+        most=1e-6,
+    ),
+    Check(
+        "order of the finite elements, that furthest from 4",
+        lambda: max((rate(MESHES[1:], e[1:]) for e in mesh_errors().values()), key=lambda order: abs(order - 4.0)),
+        "cubic elements: strain energy, and with it a frequency, is right to order 4",
+        least=3.9,
+        most=4.1,
+    ),
+    Check(
+        "the package's frequencies against finite elements held to the same shapes, 1 to 4 modes",
+        lambda: max(
+            np.abs(found.case.found[shapes] / found.held[shapes] - 1.0).max()
+            for found in cases().values()
+            for shapes in SHAPES
+        ),
+        "same shapes, same motions: what is left is the interpolation of shapes, (lambda_4 h)^4 / 720 = 1.2e-6",
+        most=2e-6,
+    ),
+    Check(
+        "least error against the exact equation of any frequency, 1 to 4 modes",
+        lambda: min(found.case.least_error for found in cases().values()),
+        "Rayleigh and Ritz: a model of fewer shapes is stiffer, its frequencies are upper bounds (rounding 1e-9)",
+        least=-1e-9,
+    ),
+    Check(
+        "largest growth of a frequency with one more mode",
+        lambda: max(found.case.growth for found in cases().values()),
+        "Rayleigh and Ritz: one more shape can only lower every frequency (rounding 1e-9)",
+        most=1e-9,
+    ),
+    Check(
+        "bare arm, free joints, 2 clamped-free modes: first two elastic frequencies, largest error",
+        lambda: largest("cantilever", "free", "bare")[1].max(),
+        "the claim of docs/model.md, 1 %, which is checked here; the linear arm has these",
+        most=0.01,
+    ),
+    Check(
+        "any joints, load and angle, 4 polynomials: first two elastic frequencies, largest error",
+        lambda: max(largest("polynomial", joints)[3].max() for joints in JOINTS),
+        "a choice, 1 % as for the linear arm: polynomials bend under any force and moment at a link's ends",
+        most=0.01,
+    ),
+    *(rate_check(name, joints) for name, joints in JOINTS.items()),
+)
+
+
 # --- tables and pictures ----------------------------------------------------------------------------------------------
 
 
-def test_tables(cases: Cases, page: Page) -> None:
+def test_tables(page: Page) -> None:
     """The largest errors in percent, by load, joints, shapes and their number."""
     rows, quoted = [], {}
     for load, label in (("bare", "bare"), (None, "any load")):
         for joints in JOINTS:
             for basis in BASES:
-                found = 100.0 * largest(cases, basis, joints, load)
+                found = 100.0 * largest(basis, joints, load)
                 pairs = [f"{one:.3g} / {two:.3g}" for one, two in found]
                 rows.append([label.removesuffix(" load"), joints, basis, *pairs])
                 for m, pair in zip(MODES, found, strict=True):
                     quoted[f"{label}, {joints}, {m} {basis}, first"] = pair[0]
                     quoted[f"{label}, {joints}, {m} {basis}, first two"] = max(pair)
-    bare = [cases["bare", "free", angle].case.errors("cantilever", 1).min() for angle in ANGLES]
+    bare = [cases()["bare", "free", angle].case.errors("cantilever", 1).min() for angle in ANGLES]
     page.quote(quoted | {"bare, free, 1 cantilever, least": 100.0 * min(bare)})
     page.table("arm_errors", ("load", "joints", "shapes", *(f"m = {m}" for m in MODES)), rows)
 
 
-def test_picture_by_modes(cases: Cases, page: Page) -> None:
+def test_picture_by_modes(page: Page) -> None:
     """Errors of the first two elastic frequencies, least to largest over the elbow's angles."""
     figure, axes = plt.subplots(len(BASES), len(JOINTS), figsize=(WIDTH, 7.4), sharex=True, sharey=True)
     for line, basis in zip(axes, BASES, strict=True):
         for axis, joints in zip(line, JOINTS, strict=True):
             for load, colour in zip(LOADS, COLOURS, strict=False):
                 for i, style in enumerate(("-", "--")):
-                    own = [[cases[load, joints, a].case.errors(basis, m)[i] for a in ANGLES] for m in MODES]
+                    own = [[cases()[load, joints, a].case.errors(basis, m)[i] for a in ANGLES] for m in MODES]
                     found = 100.0 * np.array(own)
                     axis.fill_between(MODES, found.min(axis=1), found.max(axis=1), color=colour, alpha=0.12)
                     axis.plot(MODES, found.max(axis=1), style, marker="o", markersize=4, color=colour)
@@ -262,12 +241,12 @@ def test_picture_by_modes(cases: Cases, page: Page) -> None:
     page.picture(figure, "arm_modes")
 
 
-def test_picture_of_convergence(mesh_errors: dict[str, Array], shape_errors: dict[str, Array], page: Page) -> None:
+def test_picture_of_convergence(page: Page) -> None:
     """Finite elements by mesh; clamped-free shapes by their number, beyond what the package has."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 5.0))
     for name, colour in zip(JOINTS, COLOURS, strict=False):
-        left.loglog(MESHES, mesh_errors[name], "o-", color=colour, label=name)
-        right.loglog(range(1, max(RATE_MODES) + 1), 100.0 * shape_errors[name], "o-", color=colour, label=name)
+        left.loglog(MESHES, mesh_errors()[name], "o-", color=colour, label=name)
+        right.loglog(range(1, max(RATE_MODES) + 1), 100.0 * shape_errors()[name], "o-", color=colour, label=name)
     left.loglog(MESHES, 0.1 * np.array(MESHES, dtype=float) ** -4, color=SOFT, linestyle=":", label="order 4")
     modes = np.array(RATE_MODES, dtype=float)
     for power, height in ((1, 40.0), (3, 0.2)):
@@ -284,11 +263,11 @@ def test_picture_of_convergence(mesh_errors: dict[str, Array], shape_errors: dic
     page.picture(figure, "arm_convergence")
 
 
-def test_picture_by_angle(cases: Cases, page: Page) -> None:
+def test_picture_by_angle(page: Page) -> None:
     """The bare arm's first two elastic frequencies, with the two kinds of link 1's tip: without moment and with it."""
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.4))
     for axis, joints in zip(axes, ("free", "elbow locked"), strict=True):
-        own, angles = [cases["bare", joints, angle] for angle in ANGLES], np.rad2deg(ANGLES)
+        own, angles = [cases()["bare", joints, angle] for angle in ANGLES], np.rad2deg(ANGLES)
         for i in range(2):
             axis.plot(angles, [found.case.exact[i] for found in own], color=INK, label=None if i else "exact")
             axis.plot(angles, [found.elements[i] for found in own], "kx", label=None if i else "finite elements")

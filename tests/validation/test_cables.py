@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from flexarm_env.extras import install_command
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
 from tests.validation import recorded
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
 from tests.validation.motion import Motion, apart, rms
 
@@ -44,30 +46,39 @@ def halved(name: str) -> float:
     return 1e3 * float(apart(motion(name).tip, motion(name, step=0.5 * STEP).tip).max())
 
 
-def test_the_mesh_is_fine_enough(page: Page) -> None:
-    what = f"smooth torques: the tip with {FINEST} elements a cable instead of {ELEMENTS}"
-    page.check(what, max(map(changes, recorded.DOUBLED)), TENTH, "mm", most=0.1)
+def softened(name: str) -> float:
+    """Return the r.m.s. change of the tip with a third of the axial stiffness [mm]."""
+    return 1e3 * rms(apart(motion(name).tip, motion(name, axial_stiffness=AXIAL_STIFFNESS / 3.0).tip))
 
 
-def test_the_step_is_short_enough(page: Page) -> None:
-    page.check("the same with the step halved", max(map(halved, recorded.DOUBLED)), TENTH, "mm", most=0.1)
+def from_record(name: str) -> float:
+    """Return the largest distance of the tip from the recorded one [mm]."""
+    return 1e3 * float(apart(recorded.thinned(motion(name)).tip, recorded.load()["exudyn"][name].tip).max())
 
 
-def test_a_cable_hardly_stretches(page: Page) -> None:
-    softer = {name: motion(name, axial_stiffness=AXIAL_STIFFNESS / 3.0) for name in recorded.DOUBLED}
-    found = 1e3 * max(rms(apart(motion(name).tip, run.tip)) for name, run in softer.items())
-    page.check("the same with a third of the axial stiffness, r.m.s.", found, TENTH, "mm", most=0.1)
+def largest(change: Callable[[str], float]) -> Callable[[], float]:
+    """Return what finds the largest change under smooth torques."""
+    return lambda: max(map(change, recorded.DOUBLED))
 
 
-def test_records_are_what_the_engine_gives(page: Page) -> None:
-    kept = recorded.load()["exudyn"]
-    page.check(
+test_checks = checked(
+    Check(
+        f"smooth torques: the tip with {FINEST} elements a cable instead of {ELEMENTS}",
+        largest(changes),
+        TENTH,
+        "mm",
+        most=0.1,
+    ),
+    Check("the same with the step halved", largest(halved), TENTH, "mm", most=0.1),
+    Check("the same with a third of the axial stiffness, r.m.s.", largest(softened), TENTH, "mm", most=0.1),
+    Check(
         "the tip as recorded",
-        1e3 * max(apart(recorded.thinned(motion(name)).tip, kept[name].tip).max() for name in recorded.DOUBLED),
+        largest(from_record),
         "the same programme again; Newton's method stops at 1e-4 N, and records are rounded to 1e-6 m",
         "mm",
         most=0.01,
-    )
+    ),
+)
 
 
 def test_table(page: Page) -> None:

@@ -18,27 +18,22 @@ from flexarm_env.rollout import run_policy
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from scripts.common.plotting import COLOURS, INK, SOFT
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.lap_pictures import over_time
 from tests.validation.laps import (
     CHAIN,
     DEFAULT,
-    ELEMENTS,
     ERROR_LIMIT,
     FINER,
     FOUR,
-    GENTLE,
+    GENTLY,
     MODELS,
     PERIODS,
-    Away,
-    Hosted,
-    Lap,
-    Plant,
-    Regulator,
-    away,
-    default_chain,
-    on_corner,
+    controller,
+    from_chain,
+    lap_of,
+    on_start,
+    over_time,
     run_lap,
 )
 from tests.validation.motion import apart, rms
@@ -58,17 +53,10 @@ CHAIN_STEPS = (5e-4, 1e-4, 2e-5)  # [s], the first one the environment's own
 # --- the start of a lap -----------------------------------------------------------------------------------------------
 
 
-def on_start(lap: str, plant: str) -> Plant:
-    """Set an arm on the first corner of a lap."""
-    if plant in MODELS:
-        return on_corner(MODELS[plant], lap)
-    return default_chain(lap, ELEMENTS[1] * (1 + (plant == FINER)))
-
-
 @cache
 def torques(lap: str) -> Array:
     """Return the first torques of a lap on the chain under gentle feedback [N m]."""
-    return run_lap(Regulator(lap, GENTLE), default_chain(lap), seconds=START).torque
+    return run_lap(controller(lap, GENTLY), on_start(lap, CHAIN), seconds=START).torque
 
 
 @kept
@@ -90,16 +78,6 @@ def from_chain_at_start(lap: str, share: float, plant: str) -> float:
     return 1e3 * rms(apart(pushed(lap, share, plant)[0], pushed(lap, share, CHAIN)[0])) / share
 
 
-def test_the_chain_has_converged(page: Page) -> None:
-    page.check(
-        "starts of both laps: twice the elements from the chain, r.m.s.",
-        max(from_chain_at_start(lap, 1.0, FINER) for lap in LAPS),
-        "a choice: a tenth of the 5 mm that the default arm is allowed",
-        "mm",
-        most=0.5,
-    )
-
-
 def test_table_of_starts(page: Page) -> None:
     rows, plants = [], (FINER, *MODELS)
     for lap in LAPS:
@@ -115,25 +93,22 @@ def test_table_of_starts(page: Page) -> None:
 # --- whole laps -------------------------------------------------------------------------------------------------------
 
 
-@kept
-def lap_of(lap: str, name: str, plant: str) -> Lap:
-    """Run a controller on the chain or on a model."""
-    return run_lap(Hosted(name, lap), on_start(lap, plant))
-
-
-def from_chain(lap: str, name: str, plant: str) -> Away:
-    """Return how far a model's tip is from the chain's."""
-    return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
-
-
-def test_the_default_arm_follows_the_chain(page: Page) -> None:
-    page.check(
+test_checks = checked(
+    Check(
+        "starts of both laps: twice the elements from the chain, r.m.s.",
+        lambda: max(from_chain_at_start(lap, 1.0, FINER) for lap in LAPS),
+        "a choice: a tenth of the 5 mm that the default arm is allowed",
+        "mm",
+        most=0.5,
+    ),
+    Check(
         "the plain lap: the default arm from the chain under the controller that does best, r.m.s.",
-        min(from_chain("plain", name, DEFAULT).rms for name in OTHERS),
+        lambda: min(from_chain("plain", name, DEFAULT).rms for name in OTHERS),
         "a choice: half of the 10 mm that the validity range allows a model",
         "mm",
         most=5.0,
-    )
+    ),
+)
 
 
 def test_table_of_laps(page: Page) -> None:

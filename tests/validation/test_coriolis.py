@@ -7,6 +7,7 @@ rest and get the same doublet of torque at the shoulder. Errors are taken until 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
 from scripts.common.plotting import COLOURS, INK, ORANGE, SOFT, WIDTH, headline
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.small_motion import rate
 from tests.validation.test_drift import loss_bound
 
@@ -71,11 +72,8 @@ class Pair(NamedTuple):
         return float(np.linalg.norm(self.complete.tip - self.complete.tip[0], axis=1).max())
 
 
-Pairs = dict[float, Pair]
-
-
-@pytest.fixture(scope="module")
-def pairs() -> Pairs:
+@cache
+def pairs() -> dict[float, Pair]:
     """All amplitudes."""
     return {a: Pair(doublet("complete", a), doublet("rigid", a)) for a in AMPLITUDES}
 
@@ -108,40 +106,35 @@ def balance(run: Trajectory) -> Array:
     return run.kinetic_energy + run.strain_energy - work
 
 
-def test_complete_forces_keep_the_balance(pairs: Pairs, page: Page) -> None:
-    page.check(
+test_checks = checked(
+    Check(
         "complete forces: energy minus work of the torques, over energy, any amplitude",
-        max(np.abs(balance(pair.complete)).max() / pair.energy for pair in pairs.values()),
+        lambda: max(np.abs(balance(pair.complete)).max() / pair.energy for pair in pairs().values()),
         "nothing else gives or takes energy; the method itself loses omega^6 h^5 / 72 a second at the fastest rate",
         most=loss_bound(FlexibleArm(ArmParameters.paper()), STEP / SUBSTEPS, TIME),
-    )
-
-
-def test_the_energy_error_is_of_third_order(pairs: Pairs, page: Page) -> None:
-    page.check(
+    ),
+    Check(
         "paper's forces: order of the energy error in the amplitude",
-        -rate(SMALL, [pairs[a].energy_error for a in SMALL]),
+        lambda: -rate(SMALL, [pairs()[a].energy_error for a in SMALL]),
         "the forces dropped are of second order, their power, times a rate, of third",
         least=2.7,
         most=3.3,
-    )
-
-
-def test_the_trajectory_error_is_of_second_order(pairs: Pairs, page: Page) -> None:
-    page.check(
+    ),
+    Check(
         "paper's forces: order of the trajectory error in the amplitude",
-        -rate(SMALL, [pairs[a].tip_error for a in SMALL]),
+        lambda: -rate(SMALL, [pairs()[a].tip_error for a in SMALL]),
         "the forces dropped are of second order: a tenth of the torque, a hundredth of the error",
         least=1.8,
         most=2.2,
-    )
+    ),
+)
 
 
-def test_table(pairs: Pairs, page: Page) -> None:
+def test_table(page: Page) -> None:
     """Each amplitude's motion until the doublet ends."""
     header = ("doublet [N m]", "largest deflection [m]", "tip's way [m]", "tip error [m]", "energy error / energy")
     rows = []
-    for amplitude, pair in pairs.items():
+    for amplitude, pair in pairs().items():
         bend = np.abs(pair.complete.tip_deflection).max()
         found = (amplitude, bend, pair.moved, pair.tip_error, pair.energy_error / pair.energy)
         rows.append([f"{value:.3g}" for value in found])
@@ -150,17 +143,17 @@ def test_table(pairs: Pairs, page: Page) -> None:
     page.table("coriolis_amplitudes", header, rows)
 
 
-def test_picture(pairs: Pairs, page: Page) -> None:
+def test_picture(page: Page) -> None:
     """Energy and trajectory error, over time and by amplitude."""
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 7.8))
-    for (amplitude, pair), colour in zip(reversed(pairs.items()), (*COLOURS, INK), strict=False):
+    for (amplitude, pair), colour in zip(reversed(pairs().items()), (*COLOURS, INK), strict=False):
         time, late = pair.rigid.time[1:], pair.complete.time[1:]
         error, floor = (np.abs(balance(run)[1:]) / pair.energy for run in (pair.rigid, pair.complete))
         axes[0, 0].semilogy(time, error, color=colour, label=f"{amplitude:g} N m")
         axes[0, 1].semilogy(time, pair.away[1:], color=colour)
         axes[0, 0].semilogy(late, np.maximum(floor, 1e-16), color=colour, linewidth=0.6, alpha=0.5)
     for axis, what, order, unit in ((axes[1, 0], "energy_error", 3, "J"), (axes[1, 1], "tip_error", 2, "m")):
-        found = np.array([getattr(pair, what) for pair in pairs.values()])
+        found = np.array([getattr(pair, what) for pair in pairs().values()])
         axis.loglog(AMPLITUDES, found, "o-", color=ORANGE)
         slope = 0.4 * found[0] * (np.array(AMPLITUDES) / AMPLITUDES[0]) ** order
         axis.loglog(AMPLITUDES, slope, color=SOFT, linestyle=":", label=f"order {order}")

@@ -8,7 +8,7 @@ torques, a torque that is a function, the environments' joint-space law, and the
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -32,7 +32,7 @@ from flexarm_env import (
 )
 from flexarm_env.parameters import Kinematics
 from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.small_motion import rate
 
 pytestmark = pytest.mark.validation
@@ -110,10 +110,9 @@ def order(name: str) -> float:
     return rate(1.0 / STUDIES[name].steps, errors(name))
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_an_integrator_has_its_order(name: str, page: Page) -> None:
-    least, most = STUDIES[name].bounds
-    page.check(f"{name}: order", order(name), STUDIES[name].reason, least=least, most=most)
+test_checks = checked(
+    *(Check(f"{name}: order", partial(order, name), study.reason, "", *study.bounds) for name, study in STUDIES.items())
+)
 
 
 def test_picture(page: Page) -> None:

@@ -18,25 +18,28 @@ pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE
 from tests.validation import laws
 from tests.validation.arms import Modal
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.lap_pictures import over_time
 from tests.validation.laps import (
+    AGENTS,
+    AGGRESSIVELY,
+    ARMS,
     CHAIN,
     COARSE,
     DEFAULT,
-    ELEMENTS,
+    FORMER,
+    GENTLY,
     MODELS,
     PERIODS,
-    WEIGHTS,
+    STUDENT,
     Away,
-    Controller,
-    Hosted,
     Lap,
-    Regulator,
     away,
-    default_chain,
+    controller,
+    from_chain,
+    lap_of,
     on_corner,
+    over_time,
     run_lap,
 )
 from tests.validation.programmes import HELD
@@ -44,67 +47,37 @@ from tests.validation.programmes import HELD
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
 Array = NDArray[np.float64]
-STUDENT = "student of unknown arms"
-AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
-GENTLE = next(iter(WEIGHTS))
-CONTROLLERS = (*AGENTS, *WEIGHTS)
-FORMER = "linear, 2 modes"
-ARMS = MODELS | {FORMER: ArmParameters.linear()}
+CONTROLLERS = (*AGENTS, GENTLY, AGGRESSIVELY)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}
 DAMPED_ELEMENTS = (5, 10, 20)
 
 
-@cache
-def controller(lap: str, name: str) -> Controller:
-    """Return the controller of a lap."""
-    return Hosted(AGENTS[name], lap) if name in AGENTS else Regulator(lap, WEIGHTS[name])
-
-
-@kept
-def lap_of(lap: str, name: str, plant: str) -> Lap:
-    """Run a controller on a chain, off which models' states are read if it is the finer one, or on a model."""
-    if plant in ARMS:
-        return run_lap(controller(lap, name), on_corner(ARMS[plant], lap))
-    models = [FlexibleArm(parameters) for parameters in MODELS.values()] if plant == CHAIN else []
-    return run_lap(controller(lap, name), default_chain(lap, ELEMENTS[plant == CHAIN]), models)
-
-
-def from_chain(lap: str, name: str, plant: str) -> Away:
-    """Return how far an arm's tip is from the finer chain's."""
-    return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
-
-
 # --- along the best plans ---------------------------------------------------------------------------------------------
 
 
-def test_the_chain_has_converged(page: Page) -> None:
-    page.check(
+test_checks = checked(
+    Check(
         "the plain lap under gentle feedback: the coarser chain from the finer one, r.m.s.",
-        from_chain("plain", GENTLE, COARSE).rms,
+        lambda: from_chain("plain", GENTLY, COARSE).rms,
         "a choice: a tenth of the 10 mm that the validity range allows a model",
         "mm",
         most=1.0,
-    )
-
-
-def test_the_default_arm_follows_the_chain(page: Page) -> None:
-    page.check(
+    ),
+    Check(
         "the plain lap under gentle feedback: the default arm from the chain, r.m.s.",
-        from_chain("plain", GENTLE, DEFAULT).rms,
+        lambda: from_chain("plain", GENTLY, DEFAULT).rms,
         "a choice: the 10 mm that the validity range allows a model",
         "mm",
         most=10.0,
-    )
-
-
-def test_the_default_arm_is_better_than_the_linear_one(page: Page) -> None:
-    page.check(
+    ),
+    Check(
         "the same, linear arm over default arm",
-        from_chain("plain", GENTLE, FORMER).rms / from_chain("plain", GENTLE, DEFAULT).rms,
+        lambda: from_chain("plain", GENTLY, FORMER).rms / from_chain("plain", GENTLY, DEFAULT).rms,
         "a choice: the default arm must have at most a quarter of the error",
         least=4.0,
-    )
+    ),
+)
 
 
 def half_a_second_ahead(lap: str, name: str, model: str) -> float:
@@ -148,7 +121,7 @@ def test_picture(page: Page) -> None:
     lines = {}
     for (plant, text), colour in zip(looks, colours, strict=True):
         for lap in LAPS:
-            tips = (lap_of(lap, GENTLE, one).tip[::PERIODS] for one in (plant, CHAIN))
+            tips = (lap_of(lap, GENTLY, one).tip[::PERIODS] for one in (plant, CHAIN))
             lines[lap, (text, colour)] = np.linalg.norm(np.subtract(*tips), axis=1)
     title = "Distance of each model's tip from the MuJoCo chain's along the best plans"
     page.picture(over_time(lines, title), "plant_distance")
@@ -184,7 +157,7 @@ def test_the_default_arm_follows_the_chain_under_the_papers_laws(page: Page) -> 
 @kept
 def damped(damping: str, elements: int) -> Lap:
     """Run a student on a chain with one kind of damping."""
-    return run_lap(Hosted(AGENTS[STUDENT], "swing"), on_corner(DAMPED[damping], "swing", elements))
+    return run_lap(controller("swing", STUDENT), on_corner(DAMPED[damping], "swing", elements))
 
 
 def test_table_of_damping(page: Page) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import matplotlib.pyplot as plt
 import pytest
 
@@ -14,21 +12,8 @@ from flexarm_env.laps import LAPS
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from scripts.common.plotting import BLUE, COLOURS, WIDTH, headline
-from tests.validation.conftest import Page
-from tests.validation.kept import kept
-from tests.validation.laps import (
-    DEFAULT,
-    FOUR,
-    GENTLE,
-    MODELS,
-    Away,
-    Lap,
-    Regulator,
-    away,
-    default_chain,
-    on_corner,
-    run_lap,
-)
+from tests.validation.conftest import Check, Page, checked
+from tests.validation.laps import CHAIN, DEFAULT, FOUR, controller, from_chain, lap_of
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
@@ -37,33 +22,18 @@ SMOOTH = 0.3  # the least of them with which both laps stay within 5 mm
 LOOKS = {DEFAULT: ("default arm:\n3 shapes", BLUE, 8), FOUR: ("4 shapes", COLOURS[5], -18)}
 
 
-@cache
-def regulator(lap: str, weight: float) -> Regulator:
-    """Plan a lap, with a weight on changes of the torques."""
-    return Regulator(lap, GENTLE, weight)
-
-
-@kept
-def lap_of(lap: str, weight: float, plant: str) -> Lap:
-    """Follow a plan on the chain or on a model."""
-    arm = default_chain(lap) if plant == "chain" else on_corner(MODELS[plant], lap)
-    return run_lap(regulator(lap, weight), arm)
-
-
-def from_chain(lap: str, weight: float, plant: str) -> Away:
-    """Return how far a model's tip is from the chain's."""
-    return away(lap_of(lap, weight, plant).tip, lap_of(lap, weight, "chain").tip)
-
-
-@pytest.mark.parametrize("lap", LAPS)
-def test_the_default_arm_follows_the_chain(lap: str, page: Page) -> None:
-    page.check(
-        f"the {lap} lap: the default arm from the chain under a plan with smooth torques, r.m.s.",
-        from_chain(lap, SMOOTH, DEFAULT).rms,
-        "a choice: half of the 10 mm that the validity range allows a model",
-        "mm",
-        most=5.0,
+test_checks = checked(
+    *(
+        Check(
+            f"the {lap} lap: the default arm from the chain under a plan with smooth torques, r.m.s.",
+            lambda lap=lap: from_chain(lap, SMOOTH, DEFAULT).rms,
+            "a choice: half of the 10 mm that the validity range allows a model",
+            "mm",
+            most=5.0,
+        )
+        for lap in LAPS
     )
+)
 
 
 def test_table(page: Page) -> None:
@@ -71,8 +41,9 @@ def test_table(page: Page) -> None:
     rows = []
     for lap in LAPS:
         for weight in CHANGE_WEIGHTS:
-            scores = {plant: lap_of(lap, weight, plant).score for plant in (DEFAULT, "chain", FOUR)}
-            first = abs(regulator(lap, weight).plan.torques[0, 0])
+            plants = {DEFAULT: DEFAULT, "chain": CHAIN, FOUR: FOUR}
+            scores = {name: lap_of(lap, weight, plant).score for name, plant in plants.items()}
+            first = abs(controller(lap, weight).plan.torques[0, 0])
             distances = {plant: from_chain(lap, weight, plant) for plant in LOOKS}
             shown = f"{scores[DEFAULT]:.1f}, {scores['chain']:.1f}"
             rows.append([lap, f"{weight:g}", f"{first:.0f}", shown, *map(str, distances.values())])

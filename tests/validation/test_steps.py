@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.step_error import HELD, SECONDS, TOLERANCE
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 
 pytestmark = pytest.mark.validation
 
@@ -107,17 +107,25 @@ def tip_errors(
     return {count: np.linalg.norm(tips(count) - exact, axis=1) for count in counts}
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_default_step_keeps_the_expected_error(name: str, page: Page) -> None:
+def median_error(name: str) -> float:
+    """Return the median error of the default step [mm]."""
     found = measured(name)
-    page.check(
-        f"tip after a second of random torques, {name}, default step: median error",
-        1e3 * found.median[found.default],
-        f"the default step is the longest whose expected error is {1e3 * TOLERANCE:g} mm; medians of random torques "
-        "scatter about what the linear arm predicts",
-        unit="mm",
-        most=SCATTER * 1e3 * TOLERANCE,
+    return 1e3 * found.median[found.default]
+
+
+test_checks = checked(
+    *(
+        Check(
+            f"tip after a second of random torques, {name}, default step: median error",
+            partial(median_error, name),
+            f"the default step is the longest whose expected error is {1e3 * TOLERANCE:g} mm; medians of random "
+            "torques scatter about what the linear arm predicts",
+            "mm",
+            most=SCATTER * 1e3 * TOLERANCE,
+        )
+        for name in CASES
     )
+)
 
 
 def test_table(page: Page) -> None:

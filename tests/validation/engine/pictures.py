@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE, SOFT, THRESHOLD, WIDTH, headline, running_rms
-from tests.validation.engine.spin import KICKS, SPINS, spinning
-from tests.validation.engine.study import AMPLITUDES, FINEST, NAMES, SMALLEST, case
+from tests.validation.engine.study import AMPLITUDES, FINEST, KICKS, NAMES, SMALLEST, SPINS, case, spinning
 from tests.validation.programmes import DEFAULT, HELD, MODELS, PROGRAMMES, Model
 
 Array = NDArray[np.float64]

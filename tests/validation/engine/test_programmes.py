@@ -15,11 +15,23 @@ from flexarm_env.extras import install_command
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from tests.validation.arms import CHAIN_ANGLE, chain_motion
-from tests.validation.conftest import Page
+from tests.validation.conftest import Check, Page, checked
 from tests.validation.engine import pictures
-from tests.validation.engine.spin import FASTEST, FIRST_CLAMPED, MAPPED, critical_spin
-from tests.validation.engine.spin import limits as spin_limits
-from tests.validation.engine.study import FINEST, KINDS, NAMES, case, limits, order, parts, tried
+from tests.validation.engine.study import (
+    FASTEST,
+    FINEST,
+    FIRST_CLAMPED,
+    KINDS,
+    MAPPED,
+    NAMES,
+    case,
+    critical_spin,
+    limits,
+    order,
+    parts,
+    spin_limits,
+    tried,
+)
 from tests.validation.finite_elements import critical_spin as spin_of_elements
 from tests.validation.motion import MODEL_ANGLE, Motion, apart, model_motion
 from tests.validation.programmes import HELD, MODELS, PROGRAMMES, Model
@@ -27,34 +39,13 @@ from tests.validation.programmes import HELD, MODELS, PROGRAMMES, Model
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
 DOUBLET = PROGRAMMES[0]
+TENTH = "a choice: a tenth of the 1 mm required of the models"
 SMOOTH = KINDS["smooth torques"]
 LINEAR, BEST = Model("linear", 4), Model("foreshortened", 3)
 SLOW = 0.1 * FIRST_CLAMPED  # up to there the linear model keeps 10 mm where links bend by 5 % [rad/s]
 
 
 # --- the chain --------------------------------------------------------------------------------------------------------
-
-
-def test_the_chain_has_converged(page: Page) -> None:
-    page.check(
-        "the finest chain's tip from the extrapolated one",
-        1e3 * max(case(name).chain_error(FINEST[1]).max() for name in NAMES),
-        "a choice: the 1 mm required of the models; the extrapolation, which takes most of this away, "
-        "must not matter",
-        "mm",
-        most=1.0,
-    )
-
-
-def test_slow_angles_of_the_chain_have_converged(page: Page) -> None:
-    page.check(
-        "joint angles below 10 Hz, of the two finest chains",
-        1e3 * max(case(name).between_the_finest(smooth=True) for name in NAMES),
-        "a choice: the angle that moves the tip of the stiff straight arm by 5 mm; raw angles have no limit to "
-        "converge to",
-        "mrad",
-        most=1e3 * 0.005 / 9.0,
-    )
 
 
 def _chain(factor: float) -> Motion:
@@ -65,49 +56,12 @@ def _model(factor: float) -> Motion:
     return model_motion(DOUBLET, BEST, factor * MODEL_ANGLE)
 
 
-@pytest.mark.parametrize(("name", "motion"), [("chain", _chain), ("model", _model)], ids=["chain", "model"])
-def test_steps_are_short_enough(name: str, motion: Callable[[float], Motion], page: Page) -> None:
-    page.check(
-        f"the tip under a doublet with the {name}'s step halved",
-        1e3 * apart(motion(1.0).tip, motion(0.5).tip).max(),
-        "a choice: a tenth of the 1 mm required of the models",
-        "mm",
-        most=0.1,
-    )
+def halved(motion: Callable[[float], Motion]) -> Callable[[], float]:
+    """Return what finds how far the tip moves with the step halved [mm]."""
+    return lambda: 1e3 * apart(motion(1.0).tip, motion(0.5).tip).max()
 
 
 # --- the models -------------------------------------------------------------------------------------------------------
-
-
-def test_the_linear_models_error_is_of_second_order(page: Page) -> None:
-    page.check(
-        "order in amplitude of the linear model's tip error (multi-sine, 4 modes)",
-        order("multi_sine", LINEAR),
-        "what it leaves out, foreshortening, is of second order in the deflection",
-        least=1.8,
-        most=2.3,
-    )
-
-
-def test_foreshortening_holds_smooth_torques(page: Page) -> None:
-    page.check(
-        "smooth torques at 4 %: r.m.s. tip error with foreshortening and 3 modes",
-        1e3 * max(case(name).rms(BEST) for name in SMOOTH),
-        "its own next order is the third: 4 % cubed of 4.5 m is 0.3 mm; three times that is a choice, for growth "
-        "over two seconds",
-        "mm",
-        most=1.0,
-    )
-
-
-def test_foreshortening_is_better_than_the_linear_model(page: Page) -> None:
-    page.check(
-        "the same, linear over foreshortened",
-        min(case(name).rms(LINEAR) / case(name).rms(BEST) for name in SMOOTH),
-        "at 4 % a second-order error is 25 times a third-order one of equal coefficient; a fifth of that is a "
-        "choice, for truncation takes a part",
-        least=5.0,
-    )
 
 
 @cache
@@ -116,14 +70,54 @@ def linear_theory() -> float:
     return spin_of_elements(ArmParameters.linear()) / FIRST_CLAMPED
 
 
-def test_the_linear_model_softens_as_linear_theory_does(page: Page) -> None:
-    page.check(
+test_checks = checked(
+    Check(
+        "the finest chain's tip from the extrapolated one",
+        lambda: 1e3 * max(case(name).chain_error(FINEST[1]).max() for name in NAMES),
+        "a choice: the 1 mm required of the models; the extrapolation, which takes most of this away, must not matter",
+        "mm",
+        most=1.0,
+    ),
+    Check(
+        "joint angles below 10 Hz, of the two finest chains",
+        lambda: 1e3 * max(case(name).between_the_finest(smooth=True) for name in NAMES),
+        "a choice: the angle that moves the tip of the stiff straight arm by 5 mm; raw angles have no limit to "
+        "converge to",
+        "mrad",
+        most=1e3 * 0.005 / 9.0,
+    ),
+    Check("the tip under a doublet with the chain's step halved", halved(_chain), TENTH, "mm", most=0.1),
+    Check("the tip under a doublet with the model's step halved", halved(_model), TENTH, "mm", most=0.1),
+    Check(
+        "order in amplitude of the linear model's tip error (multi-sine, 4 modes)",
+        lambda: order("multi_sine", LINEAR),
+        "what it leaves out, foreshortening, is of second order in the deflection",
+        least=1.8,
+        most=2.3,
+    ),
+    Check(
+        "smooth torques at 4 %: r.m.s. tip error with foreshortening and 3 modes",
+        lambda: 1e3 * max(case(name).rms(BEST) for name in SMOOTH),
+        "its own next order is the third: 4 % cubed of 4.5 m is 0.3 mm; three times that is a choice, for growth "
+        "over two seconds",
+        "mm",
+        most=1.0,
+    ),
+    Check(
+        "the same, linear over foreshortened",
+        lambda: min(case(name).rms(LINEAR) / case(name).rms(BEST) for name in SMOOTH),
+        "at 4 % a second-order error is 25 times a third-order one of equal coefficient; a fifth of that is a "
+        "choice, for truncation takes a part",
+        least=5.0,
+    ),
+    Check(
         "spin at which the linear model with 2 modes turns unstable, above finite elements' of linear theory",
-        (critical_spin(Model("linear", 2)) or np.inf) / linear_theory() - 1.0,
+        lambda: (critical_spin(Model("linear", 2)) or np.inf) / linear_theory() - 1.0,
         "fewer shapes are stiffer (Rayleigh and Ritz), for free joints and 2 modes by 1 % of a frequency at most",
         least=0.0,
         most=0.01,
-    )
+    ),
+)
 
 
 # --- tables and pictures ----------------------------------------------------------------------------------------------
