@@ -1,4 +1,4 @@
-"""The foreshortened arm: what it adds to the linear one (its equations: test_dynamics, its moments: test_modes)."""
+"""The foreshortened arm: what it adds to the linear one (its equations: test_dynamics)."""
 
 from typing import Any
 
@@ -56,13 +56,6 @@ def test_a_bent_link_keeps_its_length(link: int) -> None:
     assert centre_line_excess(foreshortened, q, link) < 0.1 * centre_line_excess(linear, q, link)
 
 
-def test_joint_angles_and_bending_energy_are_the_linear_arms() -> None:
-    linear, foreshortened = both()
-    state = random_state(linear.parameters, 1)
-    assert foreshortened.energy(state).strain == linear.energy(state).strain
-    np.testing.assert_array_equal(foreshortened.internal_state(state), linear.internal_state(state))
-
-
 @pytest.mark.parametrize("modes", [1, 2, 3, 4])
 def test_kinetic_energy_and_momentum_are_sums_over_material_points(modes: int) -> None:
     """Of a loaded arm without rotary inertias, by Gauss' rule; `velocity` knows nothing of the mass matrix."""
@@ -110,20 +103,6 @@ def test_point_jacobian_is_the_positions_derivative() -> None:
 
 
 # --- forces -----------------------------------------------------------------------------------------------------------
-
-
-def test_small_deflections_move_the_linear_arm() -> None:
-    """At rest what foreshortening adds is of second order in the deflection: a tenth of it, a hundredth."""
-    linear, foreshortened = both()
-    state = random_state(linear.parameters, 6, deflection=0.05, rate=0.0)
-    tenth = state.copy()
-    tenth[2 : linear.size] *= 0.1
-    difference = [
-        np.abs(foreshortened.acceleration(x, (3.0, -2.0)) - linear.acceleration(x, (3.0, -2.0))).max()
-        for x in (state, tenth)
-    ]
-    assert difference[0] > 0.0
-    assert np.log10(difference[0] / difference[1]) == pytest.approx(2.0, abs=0.3)  # first order in q times q
 
 
 # Flapping frequencies of a uniform blade clamped to a turning root of radius zero, in units of sqrt(EI / rho L^4):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_env.physics.link_modes import LinkModes, clamped_free_roots, foreshortening_moments, link_modes
+from flexarm_env.physics.link_modes import LinkModes, clamped_free_roots, link_modes
 from tests.support.lagrange import clenshaw_curtis, loaded_arm, shapes, textbook_roots
 
 L, EI, RHO, A = 4.5, 1676.0, 0.335, 0.1  # the paper's link
@@ -42,11 +42,6 @@ def test_roots_are_not_the_asymptote_that_the_paper_prints() -> None:
     np.testing.assert_allclose(np.abs(roots - asymptote)[1:], 2.0 * np.exp(-asymptote[1:]), rtol=0.02)
 
 
-def test_fewer_modes_are_the_first_of_more(link: LinkModes) -> None:
-    for count in (1, 2, 3):
-        np.testing.assert_array_equal(link_modes(L, EI, RHO, count, A).frequencies, link.frequencies[:count])
-
-
 @given(
     length=st.floats(0.1, 20.0),
     rigidity=st.floats(1.0, 1e6),
@@ -74,31 +69,6 @@ def test_shapes_are_the_textbooks(link: LinkModes) -> None:
         np.testing.assert_allclose(ours, theirs, atol=ROUNDING * np.abs(theirs).max(axis=0).max())
 
 
-def test_slope_and_curvature_are_derivatives(link: LinkModes) -> None:
-    x, h = np.linspace(0.1, L - 0.1, 23), 1e-4
-    # Central differences are off by h^2/6 times the third derivative, (lambda h)^2/6 = 1e-8 relative, and by
-    # rounding over h: ROUNDING / (lambda h) = 2e-8.
-    for function, derivative in ((link.shape, link.slope), (link.slope, link.curvature)):
-        difference = (function(x + h) - function(x - h)) / (2.0 * h)
-        np.testing.assert_allclose(difference, derivative(x), atol=1e-7 * np.abs(derivative(x)).max())
-
-
-def test_root_is_clamped(link: LinkModes) -> None:
-    assert np.all(link.shape(0.0) == 0.0)
-    assert np.all(link.slope(0.0) == 0.0)
-
-
-def test_tip_is_free(link: LinkModes) -> None:
-    curvature = link.curvature(L)
-    largest = np.abs(link.curvature(np.linspace(0.0, L, 50))).max(axis=0)
-    assert np.all(np.abs(curvature) < ROUNDING * largest)  # no moment
-    # no shear force: phi''' by one-sided differences of third order, from four curvatures
-    h = 1e-3
-    shear = link.curvature(L - h * np.arange(4)).T @ np.array([11.0, -18.0, 9.0, -2.0]) / (6.0 * h)
-    # truncation h^3/4 times the sixth derivative, ten orders above what a missing boundary condition would give
-    assert np.all(np.abs(shear) < (link.wavenumbers * h) ** 3 * link.wavenumbers * largest)
-
-
 def test_tip_values_and_slopes(link: LinkModes) -> None:
     roots = np.array(textbook_roots(4))
     signs = np.array([1.0, -1.0, 1.0, -1.0])
@@ -116,15 +86,6 @@ def test_shape_broadcasts(link: LinkModes) -> None:
 
 
 # --- integrals --------------------------------------------------------------------------------------------------------
-
-
-def test_integrals_have_their_closed_forms(link: LinkModes) -> None:
-    """Felgar (1950): the integrals of a clamped-free beam, from its boundary values."""
-    wave = np.array(textbook_roots(4)) / L
-    np.testing.assert_allclose(link.first_moment, RHO * 2.0 * A * k(wave * L) / wave, rtol=ROUNDING)
-    np.testing.assert_allclose(link.second_moment, RHO * 2.0 * A / wave**2, rtol=10 * ROUNDING)
-    np.testing.assert_allclose(np.diag(link.mass), RHO * A**2 * L, rtol=ROUNDING)
-    np.testing.assert_allclose(link.stiffness, EI * A**2 * L * wave**4, rtol=ROUNDING)
 
 
 def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkModes) -> None:
@@ -145,14 +106,6 @@ def test_modes_are_orthogonal(link: LinkModes) -> None:
     stiffness = EI * link.curvature(x).T @ (weight[:, None] * link.curvature(x))
     scale = np.sqrt(np.outer(link.stiffness, link.stiffness))
     assert np.all(np.abs(stiffness / scale)[off] < ROUNDING)
-
-
-def test_mode_scale_scales_the_coordinates_only() -> None:
-    one, ten = (link_modes(L, EI, RHO, 2, scale) for scale in (1.0, 10.0))
-    np.testing.assert_array_equal(one.frequencies, ten.frequencies)
-    np.testing.assert_allclose(ten.tip_values, 10.0 * one.tip_values, rtol=4 * EPS)
-    np.testing.assert_allclose(ten.stiffness, 100.0 * one.stiffness, rtol=4 * EPS)
-    np.testing.assert_allclose(np.diag(ten.mass), 100.0 * np.diag(one.mass), rtol=4 * EPS)
 
 
 # --- polynomial shapes ------------------------------------------------------------------------------------------------
@@ -197,40 +150,6 @@ def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:
     compliance = np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]]) / EI
     ends = np.stack([link.tip_values, link.tip_slopes])
     np.testing.assert_allclose(ends @ (ends / link.stiffness).T, compliance, rtol=1e-12)
-
-
-# --- foreshortening ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
-def test_foreshortening_is_the_integral_of_products_of_slopes(mode_shapes: str) -> None:
-    link = link_modes(L, EI, RHO, 4, A, mode_shapes)
-    distances = np.array([[0.0, 0.7], [3.1, L]])
-    sums = link.foreshortening(distances)
-    assert sums.shape == (2, 2, 4, 4)
-    for place in np.ndindex(2, 2):
-        x, weight = clenshaw_curtis(max(float(distances[place]), 1e-300))
-        expected = link.slope(x).T @ (weight[:, None] * link.slope(x))
-        np.testing.assert_allclose(sums[place], expected, atol=ROUNDING * np.abs(sums).max())
-
-
-def test_moments_of_the_foreshortening_are_sums_over_the_links_points() -> None:
-    link, tip_mass = link_modes(L, EI, RHO, 3, A), 0.7
-    x, weight = clenshaw_curtis(L)
-    mass, points = np.append(RHO * weight, tip_mass), np.append(x, L)
-    s, phi = link.foreshortening(points), link.shape(points)
-    moments = foreshortening_moments(link, tip_mass)
-    sums = {
-        "mean": np.einsum("n,nij->ij", mass, s),
-        "shortened": np.einsum("n,n,nij->ij", mass, points, s),
-        "cubic": np.einsum("n,nk,nij->kij", mass, phi, s),
-    }
-    for name, expected in sums.items():
-        np.testing.assert_allclose(getattr(moments, name), expected, atol=ROUNDING * np.abs(expected).max())
-    pairs = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
-    quartic = np.einsum("n,nij,nkl->ijkl", mass, s, s)
-    expected = np.array([[quartic[*a, *b] for b in pairs] for a in pairs])
-    np.testing.assert_allclose(moments.quartic, expected, atol=ROUNDING * np.abs(expected).max())
 
 
 # --- statics ----------------------------------------------------------------------------------------------------------
