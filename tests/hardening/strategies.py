@@ -119,15 +119,7 @@ def any_options(draw: st.DrawFn, garbage: bool = True) -> dict[str, Any]:
 
 
 def check_refusal(error: Exception, names: Iterable[str]) -> None:
-    """Check that a message is short and begins with one of the names, or with an option's or an arm's field.
-
-    Args:
-        error: what was raised.
-        names: what was given; one that was not may be refused for one that was.
-
-    Raises:
-        AssertionError: if it is another error, or another message.
-    """
+    """Check that a message is short and begins with what was given, or with another option or arm's field."""
     text = str(error)
     fields_of = [*ArmParameters.__dataclass_fields__, *Settings.__dataclass_fields__]
     known = [*names, *fields_of, "Settings.__init__() got an unexpected keyword argument"]

@@ -29,17 +29,11 @@ NAMED = ("action", "options", "Seed", "seed")
 
 
 class Call(NamedTuple):
-    """A call of an environment.
+    """A call of an environment."""
 
-    Attributes:
-        seed: of a reset.
-        options: of a reset.
-        action: of a step; None: the call is a reset.
-    """
-
-    seed: Any = None
-    options: Any = None
-    action: Any = None
+    seed: Any = None  # of a reset
+    options: Any = None  # of a reset
+    action: Any = None  # of a step; None: the call is a reset
 
 
 @cache

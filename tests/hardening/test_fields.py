@@ -28,14 +28,10 @@ from tests.hardening.strategies import GARBAGE, Contrary, check_refusal, inside
 
 
 class Subject(NamedTuple):
-    """What is made of fields.
+    """What is made of fields."""
 
-    Attributes:
-        make: makes it of the fields that are changed.
-        fields: names of the fields, with the strategies of sensible values; None: garbage only.
-    """
-
-    make: Callable[..., Any]
+    make: Callable[..., Any]  # makes it of the fields that are changed
+    # names of the fields, with the strategies of sensible values; None: garbage only
     fields: dict[str, st.SearchStrategy[Any] | None]
 
 

@@ -37,19 +37,13 @@ _JSON = st.recursive(
 
 
 class Kind(NamedTuple):
-    """A kind of file.
+    """A kind of file."""
 
-    Attributes:
-        name: of the file, which stays what it is.
-        make: makes a good one in a folder, and returns its content.
-        read: reads one, and returns what is in it as plain values and arrays.
-        checked: the format finds any change: what is read is what was written. Where it is False, a change that leaves
-            a good file of the format is that of another good file.
-    """
-
-    name: str
-    make: Callable[[Path], bytes]
-    read: Callable[[Path], Any]
+    name: str  # of the file, which stays what it is
+    make: Callable[[Path], bytes]  # makes a good one in a folder, and returns its content
+    read: Callable[[Path], Any]  # reads one, and returns what is in it as plain values and arrays
+    # the format finds any change: what is read is what was written. Where it is False, a change that leaves a good
+    # file of the format is that of another good file
     checked: bool
 
 
@@ -137,23 +131,15 @@ def good_content(kind: str) -> bytes:
 
 
 class Damage(NamedTuple):
-    """What happens to a file.
+    """What happens to a file."""
 
-    Attributes:
-        kind: name of the kind.
-        flips: bytes that are changed: their places as shares of the length, and what is exclusive-ored.
-        cut: share of the length that is left.
-        inserted: bytes, and their place.
-        nested: opening brackets that are inserted there, too: parsers recurse.
-        value: of a JSON file: a leaf by its number, and what replaces it; None: none.
-    """
-
-    kind: str
+    kind: str  # name of the kind
+    # bytes that are changed: their places as shares of the length, and what is exclusive-ored
     flips: list[tuple[float, int]]
-    cut: float
-    inserted: tuple[float, bytes]
-    nested: int
-    value: tuple[int, Any] | None
+    cut: float  # share of the length that is left
+    inserted: tuple[float, bytes]  # bytes, and their place
+    nested: int  # opening brackets that are inserted there, too: parsers recurse
+    value: tuple[int, Any] | None  # of a JSON file: a leaf by its number, and what replaces it; None: none
 
 
 def drawn() -> st.SearchStrategy[Damage]:

@@ -46,19 +46,13 @@ print(digest.hexdigest())
 
 
 class Task(NamedTuple):
-    """What is killed.
+    """What is killed."""
 
-    Attributes:
-        command: makes the arguments of Python for a folder, begun or not.
-        check: checks that a folder holds nothing half, and returns how much it holds.
-        result: returns what is compared in the end, from a folder and what the command printed.
-        cache: the folder is the one of compiled kernels.
-    """
-
-    command: Callable[[Path], list[str]]
-    check: Callable[[Path], int]
+    command: Callable[[Path], list[str]]  # makes the arguments of Python for a folder, begun or not
+    check: Callable[[Path], int]  # checks that a folder holds nothing half, and returns how much it holds
+    # returns what is compared in the end, from a folder and what the command printed
     result: Callable[[Path, str], Any]
-    cache: bool = False
+    cache: bool = False  # the folder is the one of compiled kernels
 
 
 def _train(folder: Path) -> list[str]:
@@ -162,18 +156,7 @@ def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
 
 
 def _kill(task: Task, folder: Path, most: int, rng: random.Random, takes: float) -> int:
-    """Begin a task and kill it at a random moment, again and again until it is quicker than that moment.
-
-    Args:
-        task: what is killed.
-        folder: its folder.
-        most: kills.
-        rng: draws the moments.
-        takes: time of the undisturbed one [s].
-
-    Returns:
-        How often it was killed.
-    """
+    """Begin and kill a task at random moments of the time it takes [s], until it is quicker; return how often."""
     held = 0
     for kills in range(most):
         if _run(task, folder, rng.uniform(LEAST, takes), alone=rng.random() < ALONE) is not None:
@@ -193,20 +176,7 @@ def _finished(task: Task, folder: Path) -> Any:
 
 
 def _run(task: Task, folder: Path, longest: float, alone: bool = False) -> str | None:
-    """Run a task, and kill it if it takes longer; kill it with its workers if this process is interrupted.
-
-    Args:
-        task: what is run.
-        folder: its folder, begun or not.
-        longest: time that it has [s].
-        alone: kill the main process alone.
-
-    Returns:
-        What it printed; None if it was killed.
-
-    Raises:
-        AssertionError: if it fails by itself, or workers go on without it.
-    """
+    """Run a task; return what it printed, or None if it took longer [s] and was killed, alone or with its workers."""
     with _begin(task, folder) as process:
         try:
             printed = process.communicate(timeout=longest)[0]

@@ -24,17 +24,11 @@ FLAT = 5.0  # growth that counts as none [MB]
 
 
 class Run(NamedTuple):
-    """What came of a run.
+    """What came of a run."""
 
-    Attributes:
-        episodes: that ended.
-        digest: of observations and rewards along the way and at the end.
-        grown: memory at the end less that after a while [MB].
-    """
-
-    episodes: int
-    digest: str
-    grown: float
+    episodes: int  # that ended
+    digest: str  # of observations and rewards along the way and at the end
+    grown: float  # memory at the end less that after a while [MB]
 
 
 def run_batch(steps: int) -> Run:

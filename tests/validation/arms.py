@@ -81,7 +81,6 @@ class EngineChain(Chain):
         self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
-        """See `Plant.advance`."""
         tips = np.empty((periods, 2))
         for tip in tips:
             self.step(torque, self.substeps)
@@ -89,7 +88,6 @@ class EngineChain(Chain):
         return tips
 
     def end(self) -> Array:
-        """See `Plant.end`."""
         return self.point(self._end)
 
 
@@ -110,7 +108,6 @@ class Modal:
         self._shapes = [link.shape(link.length * places) for link in arm.modes]
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
-        """See `Plant.advance`."""
         return self.follow(np.tile(torque, (periods, 1)))
 
     def follow(self, torques: Array) -> Array:
@@ -135,19 +132,12 @@ class Modal:
         return Bend(y[[0, m + 1]], v[[0, m + 1]], *deflections)
 
     def end(self) -> Array:
-        """See `Plant.end`."""
         length = self.arm.parameters.link_lengths[1]
         return np.concatenate([self.arm.tip(self.state[: self.arm.size]), self.arm.velocity(self.state, 2, length)])
 
 
 def chain_motion(programme: Programme, elements: int, angle: float = CHAIN_ANGLE) -> Motion:
-    """Run a programme on a chain.
-
-    Args:
-        programme: the programme.
-        elements: bending elements a link.
-        angle: see `EngineChain`.
-    """
+    """Run a programme on a chain of bending elements; angle: see `EngineChain`."""
     arm = EngineChain(elements, programme.parameters(), angle)
     arm.place(programme.joints, programme.pull)
     arm.data.qvel[0] = programme.spin

@@ -25,15 +25,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Joints:
-    """Which joints are locked.
+    """Which joints are locked."""
 
-    Attributes:
-        shoulder: locked.
-        elbow: locked.
-    """
-
-    shoulder: bool
-    elbow: bool
+    shoulder: bool  # locked
+    elbow: bool  # locked
 
     @property
     def free(self) -> int:
@@ -43,17 +38,11 @@ class Joints:
 
 @dataclass(frozen=True)
 class Beam:
-    """A uniform beam.
+    """A uniform beam."""
 
-    Attributes:
-        length: L [m].
-        rigidity: EI [N m^2].
-        density: rho [kg/m].
-    """
-
-    length: float
-    rigidity: float
-    density: float
+    length: float  # L [m]
+    rigidity: float  # EI [N m^2]
+    density: float  # rho [kg/m]
 
     def phase(self, omega: float) -> float:
         """b = lambda L at a frequency [rad/s]."""
@@ -92,15 +81,7 @@ def _roots(beam: Beam, equation: Callable[[float], float], brackets: list[tuple[
 
 
 def clamped_free_shapes(count: int, x: Array) -> tuple[Array, Array]:
-    """Shapes of a clamped-free beam of length 1 and their slopes, without cancellation for any count.
-
-    Args:
-        count: how many.
-        x: distances from the root. Shape (n,).
-
-    Returns:
-        Two arrays of Shape (n, count), scaled to 2 at the tip.
-    """
+    """Shapes (2 at the tip) and slopes of a beam of length 1, without cancellation. Shape (len(x), count) each."""
     b = np.sqrt(clamped_free(Beam(1.0, 1.0, 1.0), count))
     u = x[:, None] * b
     k = (np.cos(b) + np.cosh(b)) / (np.sin(b) + np.sinh(b))
@@ -137,15 +118,11 @@ def held_count(beam: Beam, omega: float) -> int:
 
 @dataclass(frozen=True)
 class Structure:
-    """Beams whose ends follow common coordinates, with lumped masses.
+    """Beams whose ends follow common coordinates, with lumped masses."""
 
-    Attributes:
-        parts: each beam, and the matrix that gives its end motions (v0, theta0, vL, thetaL) from the n coordinates.
-        mass: mass matrix of what is lumped. Shape (n, n).
-    """
-
+    # each beam, and the matrix that gives its end motions (v0, theta0, vL, thetaL) from the n coordinates
     parts: tuple[tuple[Beam, Array], ...]
-    mass: Array
+    mass: Array  # mass matrix of what is lumped. Shape (n, n)
 
     def below(self, omega: float) -> int:
         """How many natural frequencies, zeros included, lie below omega [rad/s] > 0."""
@@ -170,14 +147,7 @@ class Structure:
 
 
 def single_link(beam: Beam, pinned: bool, hub: float = 0.0, payload: tuple[float, float] = (0.0, 0.0)) -> Structure:
-    """One link on a fixed root.
-
-    Args:
-        beam: the link.
-        pinned: the root is free to turn; else it is clamped.
-        hub: inertia that turns with the root [kg m^2].
-        payload: mass [kg] and inertia [kg m^2] at the tip.
-    """
+    """One link on a fixed root; hub [kg m^2] turns with the root, payload [kg, kg m^2] is at the tip."""
     columns = [1, 2, 3] if pinned else [2, 3]
     lumped = np.diag([0.0, hub, *payload])
     return Structure(((beam, np.eye(4)[:, columns]),), lumped[np.ix_(columns, columns)])

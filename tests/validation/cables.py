@@ -49,16 +49,7 @@ class _Cable:
         n: int,
         axial_stiffness: float,
     ) -> None:
-        """Lay it out straight and at rest.
-
-        Args:
-            system: Exudyn's.
-            arm: the arm.
-            link: 0 or 1.
-            pose: x, y of the root [m]; angle of the link from the x axis [rad].
-            n: number of elements.
-            axial_stiffness: EA [N].
-        """
+        """Lay link 0 or 1 out at rest, straight, of n elements; pose: x, y of its root [m], its angle [rad]."""
         root, angle = pose
         direction = np.array([np.cos(angle), np.sin(angle)])
         places = root + np.outer(np.linspace(0.0, arm.link_lengths[link], n + 1), direction)

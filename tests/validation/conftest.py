@@ -20,23 +20,14 @@ from scripts.common.plotting import save
 
 
 class Check(NamedTuple):
-    """A figure with its threshold.
+    """A figure with its threshold."""
 
-    Attributes:
-        name: what is compared, a few words; unique in its module.
-        figure: finds it.
-        reason: why the threshold is what it is, one sentence.
-        unit: of figure and threshold.
-        least: smallest figure that passes.
-        most: largest figure that passes.
-    """
-
-    name: str
-    figure: Callable[[], float]
-    reason: str
-    unit: str = ""
-    least: float | None = None
-    most: float | None = None
+    name: str  # what is compared, a few words; unique in its module
+    figure: Callable[[], float]  # finds it
+    reason: str  # why the threshold is what it is, one sentence
+    unit: str = ""  # of figure and threshold
+    least: float | None = None  # smallest figure that passes
+    most: float | None = None  # largest figure that passes
 
 
 def checked(*checks: Check) -> Callable[[Check, Page], None]:
@@ -53,12 +44,7 @@ class Page:
     """Records what the page shows."""
 
     def __init__(self, record: Callable[[str, object], None], figures: Path) -> None:
-        """Write into a report.
-
-        Args:
-            record: adds a property to the test's report.
-            figures: folder of the pictures.
-        """
+        """Write into a report; `record` adds a property to it."""
         self._record, self._figures = record, figures
 
     def check(self, check: Check) -> None:

@@ -29,32 +29,18 @@ class Frame:
     """Mass and stiffness of the unconstrained frame, and the conditions on its motions.
 
     Coordinates: x, y, turn of every node of link 1, then of link 2.
-
-    Attributes:
-        mass: Shape (n, n).
-        stiffness: Shape (n, n).
-        conditions: motions d that are possible have ``conditions @ d = 0``. Shape (c, n).
     """
 
-    mass: Array
-    stiffness: Array
-    conditions: Array
+    mass: Array  # Shape (n, n)
+    stiffness: Array  # Shape (n, n)
+    conditions: Array  # motions d that are possible have ``conditions @ d = 0``. Shape (c, n)
 
     def frequencies(self, count: int, zeros: int) -> Array:
         """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
         return self._frequencies(null_space(self.conditions), count, zeros)
 
     def held_to(self, motions: Array, count: int, zeros: int) -> Array:
-        """Frequencies of the frame that can move in given ways only; as `frequencies`.
-
-        Args:
-            motions: independent motions that meet the conditions. Shape (n, motions).
-            count: how many frequencies.
-            zeros: how many at 0 are passed over.
-
-        Raises:
-            ValueError: for motions that do not meet the conditions.
-        """
+        """Frequencies of the frame that can move in given ways only. Shape (n, motions)."""
         if np.abs(self.conditions @ motions).max() > 1e-9 * np.abs(motions).max():
             raise ValueError("motions: do not meet the frame's conditions")
         return self._frequencies(motions, count, zeros)
@@ -189,11 +175,6 @@ def critical_spin(parameters: ArmParameters, elements: int = 20) -> float:
 
 def _beam(length: float, elements: int, rho: float, rigidity: float) -> tuple[Array, Array]:
     """Mass and stiffness across, in deflection and slope of every node. Shape (2 elements + 2,) twice each."""
-    h, n = length / elements, 2 * elements + 2
-    scale = np.tile([1.0, h], 2)
-    mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
-    for e in range(elements):
-        at = slice(2 * e, 2 * e + 4)
-        mass[at, at] += rho * h * scale[:, None] * ACROSS * scale
-        stiffness[at, at] += rigidity / h**3 * scale[:, None] * BENDING * scale
-    return mass, stiffness
+    mass, stiffness, _ = _link(length / elements, rigidity, rho, 0.0, elements)
+    across = np.flatnonzero(np.arange(len(mass)) % 3)
+    return mass[np.ix_(across, across)], stiffness[np.ix_(across, across)]

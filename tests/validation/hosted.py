@@ -68,22 +68,18 @@ class AnyArm:
             raise ValueError(f"arm: must be at {state[:2]} rad, where the episode begins, is at {joints}")
 
     def advance(self, command: Array, reference: Four | None) -> Array:
-        """See `envs.hosted.Plant.advance`."""
         self.torque = np.array(command)
         self._tips.append(self._arm.advance(command, self._periods))
         return command
 
     def readings(self) -> Array:
-        """See `envs.hosted.Plant.readings`."""
         return self._arm.end()
 
     def encoders(self) -> Array:
-        """See `envs.hosted.Plant.encoders`."""
         sight = self._arm.look()
         return np.concatenate([sight.joints, sight.rates])
 
     def truth(self) -> Truth:
-        """See `envs.hosted.Plant.truth`; the deflection is that of the settings' arm in its state."""
         sight, state = self._arm.look(), self._gauges.state(self._arm.bend())
         own = self._settings.flexible_arm
         deflections = [own.tip_deflection(half) for half in np.split(state, 2)]
@@ -96,26 +92,16 @@ class AnyArm:
         )
 
     def drawing(self) -> Drawing:
-        """See `envs.hosted.Plant.drawing`; the settings' arm in its state."""
         return drawing_of(self._settings, self._gauges.state(self._arm.bend()))
 
 
 class HostedEnv(FlexArmEnv):
-    """An environment around an arm of the studies; it ends no episode early.
+    """An environment around an arm of the studies; it ends no episode early."""
 
-    Attributes:
-        host: the arm.
-    """
-
-    host: AnyArm
+    host: AnyArm  # the arm
 
     def __init__(self, arm: Plant, **options: Any) -> None:
-        """Lay it out.
-
-        Args:
-            arm: where the episode begins.
-            **options: fields of `Settings`.
-        """
+        """Lay it out around an arm where the episode begins."""
         self._given = arm
         super().__init__(**(options | {"deflection_limit": None, "error_limit": None}))
 

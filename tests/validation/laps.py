@@ -50,17 +50,11 @@ WINDOW = 50  # control periods that a picture takes together: half a second
 
 
 class Lap(NamedTuple):
-    """A lap under a controller.
+    """A lap under a controller."""
 
-    Attributes:
-        tip: every `HELD`. Shape (n, 2).
-        torque: of each control period [N m]. Shape (k, 2).
-        states: states of each chosen model, at each control instant.
-    """
-
-    tip: Array
-    torque: Array
-    states: list[Array]
+    tip: Array  # every `HELD`. Shape (n, 2)
+    torque: Array  # of each control period [N m]. Shape (k, 2)
+    states: list[Array]  # states of each chosen model, at each control instant
 
     @property
     def miss(self) -> Array:
@@ -108,15 +102,10 @@ def away(tip: Array, other: Array) -> Away:
 
 
 class Period(NamedTuple):
-    """A control period.
+    """A control period."""
 
-    Attributes:
-        torque: that acted [N m]. Shape (2,).
-        tip: after each `HELD` of it [m]. Shape (n, 2).
-    """
-
-    torque: Array
-    tip: Array
+    torque: Array  # that acted [N m]. Shape (2,)
+    tip: Array  # after each `HELD` of it [m]. Shape (n, 2)
 
 
 class Controller(Protocol):
@@ -127,14 +116,7 @@ class Controller(Protocol):
 
 
 def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] = (), seconds: float = SECONDS) -> Lap:
-    """Run a controller on an arm at rest on its first corner.
-
-    Args:
-        controller: the controller.
-        plant: the arm.
-        models: their states are read off the arm.
-        seconds: length of the run [s].
-    """
+    """Run a controller for some seconds on an arm at rest on its first corner; models' states are read off the arm."""
     gauges = [Gauges(arm) for arm in models]
     tips, torques = [plant.look().tip[None]], []
     states: list[list[Array]] = [[] for _ in models]
@@ -156,7 +138,6 @@ class Hosted:
         self._entry, self._lap = Entry(source), lap
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
-        """See `Controller`."""
         policy = self._entry.candidate(fresh=not self._entry.batched).policy
         env = HostedEnv(plant, **self._entry.interface)
         predict = predictor(policy, deterministic=True)
@@ -183,7 +164,6 @@ class Regulator:
         self._gauges = Gauges(self.plan.arm)
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
-        """See `Controller`."""
         times = (n * HELD * PERIODS for n in count())
 
         def do_period() -> Period:
@@ -238,12 +218,7 @@ def from_chain(lap: str, name: str | float, plant: str) -> Away:
 
 
 def over_time(lines: Mapping[tuple[str, tuple[str, str]], NDArray[np.float64]], title: str) -> Figure:
-    """Draw distances over a lap, one panel a lap.
-
-    Args:
-        lines: distances in each control period [m], as far as the laps go, by lap, and by text and colour of the line.
-        title: title of the picture.
-    """
+    """Draw distances in each control period [m] by lap, and by text and colour of the line; one panel a lap."""
     figure, axes = plt.subplots(len(LAPS), figsize=(WIDTH, 6.4), sharex=True)
     for axis, lap in zip(axes, LAPS, strict=True):
         own = {look: 1e3 * running_rms(away, WINDOW) for (one, look), away in lines.items() if one == lap}

@@ -56,15 +56,7 @@ def on_chains() -> tuple[dict[str, Array], dict[str, Array]]:
 
 
 def law_lap(elements: int, law: str) -> Array:
-    """Run a chain under a law with its late sensor at the end effector, from rest on the first corner.
-
-    Args:
-        elements: bending elements a link.
-        law: name of the law.
-
-    Returns:
-        The tip every `HELD`. Shape (n, 2).
-    """
+    """Run a chain under a law with its late sensor at the end effector, from rest; return the tip every `HELD`."""
     count = round(SECONDS[law] / HELD)
     plant = EngineChain(elements, ArmParameters.linear(damping_ratio=0.0), ANGLE)
     plant.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER

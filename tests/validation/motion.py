@@ -23,17 +23,11 @@ LOW_PASS = 10.0  # [Hz]; of angles, forwards and backwards (no phase)
 
 
 class Motion(NamedTuple):
-    """A record of n instants, `HELD` apart.
+    """A record of n instants, `HELD` apart."""
 
-    Attributes:
-        tip: x, y [m]. Shape (n, 2).
-        joints: theta1, theta2 [rad]. Shape (n, 2).
-        deflection: of each link's tip off its root tangent [m]. Shape (n, 2).
-    """
-
-    tip: Array
-    joints: Array
-    deflection: Array
+    tip: Array  # x, y [m]. Shape (n, 2)
+    joints: Array  # theta1, theta2 [rad]. Shape (n, 2)
+    deflection: Array  # of each link's tip off its root tangent [m]. Shape (n, 2)
 
     @property
     def bend(self) -> float:
@@ -47,13 +41,7 @@ def extrapolated(coarse: Motion, fine: Motion) -> Motion:
 
 
 def model_motion(programme: Programme, model: Model, angle: float = MODEL_ANGLE) -> Motion:
-    """Run a programme on one of our models.
-
-    Args:
-        programme: the programme.
-        model: the model.
-        angle: largest product of step and the model's fastest rate.
-    """
+    """Run a programme on one of our models; angle: largest product of step and the model's fastest rate."""
     arm = FlexibleArm(programme.parameters(**model._asdict()))
     start = np.zeros(2 * arm.size)
     start[: arm.size] = bent_by(arm, programme.joints, programme.pull)
@@ -64,13 +52,7 @@ def model_motion(programme: Programme, model: Model, angle: float = MODEL_ANGLE)
 
 
 def bent_by(arm: FlexibleArm, joints: Array, force: Array) -> Array:
-    """Return coordinates of a model bent by a force at the tip while the joints are held: K q = J' F. Shape (2 + 2 m,).
-
-    Args:
-        arm: the model.
-        joints: theta1, theta2 [rad].
-        force: x, y [N].
-    """
+    """Return a model's coordinates bent by a force [N] at the tip, joints held: K q = J' F. Shape (2 + 2 m,)."""
     stiffness = np.concatenate([link.stiffness for link in arm.modes])
 
     def balanced(modal: Array) -> Array:

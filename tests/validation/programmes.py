@@ -22,29 +22,19 @@ HELD = 1e-3  # torques are constant for [s]
 
 @dataclass(frozen=True)
 class Programme:
-    """Something that is done to the arm.
+    """Something that is done to the arm."""
 
-    Attributes:
-        name: short.
-        title: for pictures.
-        shape: torques of shoulder and elbow at amplitude 1 [N m] at the times of an array [s]; (n,) to (n, 2).
-        duration: [s].
-        amplitude: factor on torques and force.
-        elbow: theta2 at the start [rad].
-        spin: rate of theta1 at the start, the arm unbent [rad/s].
-        force: at amplitude 1, pulls at the tip before the start, x and y [N]: the joints are held, the arm is at rest.
-        arm: fields of `ArmParameters` that differ from the undamped arm.
-    """
-
-    name: str
-    title: str
+    name: str  # short
+    title: str  # for pictures
+    # torques of shoulder and elbow at amplitude 1 [N m] at the times of an array [s]; (n,) to (n, 2)
     shape: Callable[[Array], Array]
-    duration: float = 2.0
-    amplitude: float = 1.0
-    elbow: float = 1.2
-    spin: float = 0.0
+    duration: float = 2.0  # [s]
+    amplitude: float = 1.0  # factor on torques and force
+    elbow: float = 1.2  # theta2 at the start [rad]
+    spin: float = 0.0  # rate of theta1 at the start, the arm unbent [rad/s]
+    # at amplitude 1, pulls at the tip before the start, x and y [N]: the joints are held, the arm is at rest
     force: tuple[float, float] = (0.0, 0.0)
-    arm: dict[str, Any] = field(default_factory=dict)
+    arm: dict[str, Any] = field(default_factory=dict)  # fields of `ArmParameters` that differ from the undamped arm
 
     def torques(self) -> Array:
         """Held torques [N m]. Shape (steps, 2)."""
@@ -52,11 +42,7 @@ class Programme:
         return self.amplitude * self.shape(time)
 
     def parameters(self, **model: Any) -> ArmParameters:
-        """Return the arm without damping, since the engines damp in different ways.
-
-        Args:
-            **model: further fields of `ArmParameters`.
-        """
+        """Return the arm without damping, since the engines damp in different ways; `model`: further fields."""
         return ArmParameters.linear(**({"damping_ratio": 0.0} | self.arm | model))
 
     @property

@@ -22,15 +22,10 @@ COUNT = 4  # frequencies that are compared
 
 
 class Case(NamedTuple):
-    """Frequencies of one problem [rad/s].
+    """Frequencies of one problem [rad/s]."""
 
-    Attributes:
-        exact: of the beams.
-        found: of the package, by shapes and their number; fewer if it has no more.
-    """
-
-    exact: Array
-    found: Mapping[tuple[str, int], Array]
+    exact: Array  # of the beams
+    found: Mapping[tuple[str, int], Array]  # of the package, by shapes and their number; fewer if it has no more
 
     def errors(self, basis: str, modes: int) -> Array:
         """Return found over exact, minus 1."""
@@ -55,14 +50,7 @@ def with_shapes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> Fle
 
 
 def frequencies(arm: FlexibleArm, theta2: float, moving: Sequence[int], zeros: int) -> Array:
-    """Return the lowest frequencies above `zeros` at 0 [rad/s], `COUNT` of them if the arm has as many.
-
-    Args:
-        arm: the arm.
-        theta2: elbow angle [rad].
-        moving: the coordinates that are free; all others are held.
-        zeros: how many of the frequencies are 0.
-    """
+    """Return the lowest `COUNT` frequencies above `zeros` at 0 [rad/s]; all that does not move is held."""
     n, state = arm.size, np.zeros(2 * arm.size)
     state[1] = theta2
     mass = arm.mass_matrix(state[:n])

@@ -51,16 +51,11 @@ RATE_MODES = (4, 5, 6, 7, 8, 9, 10)  # beyond what the package has, where the ra
 
 
 class ArmCase(NamedTuple):
-    """An arm in a pose.
+    """An arm in a pose."""
 
-    Attributes:
-        case: exact frequencies and the package's.
-        elements: frequencies of finite elements [rad/s].
-        held: frequencies of finite elements held to the package's shapes [rad/s], by the shapes.
-    """
-
-    case: Case
-    elements: Array
+    case: Case  # exact frequencies and the package's
+    elements: Array  # frequencies of finite elements [rad/s]
+    # frequencies of finite elements held to the package's shapes [rad/s], by the shapes
     held: dict[tuple[str, int], Array]
 
 

@@ -36,15 +36,10 @@ SMALL = AMPLITUDES[:3]  # where second order is to be seen
 
 
 class Pair(NamedTuple):
-    """The same doublet on both arms.
+    """The same doublet on both arms."""
 
-    Attributes:
-        complete: with all velocity forces.
-        rigid: the paper's arm; shorter, if it was lost.
-    """
-
-    complete: Trajectory
-    rigid: Trajectory
+    complete: Trajectory  # with all velocity forces
+    rigid: Trajectory  # the paper's arm; shorter, if it was lost
 
     @property
     def energy(self) -> float:

@@ -58,19 +58,13 @@ class Case(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """What a run shows.
+    """What a run shows."""
 
-    Attributes:
-        energy: over that of the start, minus 1, every `RECORDED`.
-        momentum: change of the angular momentum over what the arm would have if it turned stiffly with all its energy.
-        fastest: the arm's fastest rate [rad/s].
-        bound: part of the energy that is lost if all of it vibrates at that rate.
-    """
-
-    energy: Array
+    energy: Array  # over that of the start, minus 1, every `RECORDED`
+    # change of the angular momentum over what the arm would have if it turned stiffly with all its energy
     momentum: Array
-    fastest: float
-    bound: float
+    fastest: float  # the arm's fastest rate [rad/s]
+    bound: float  # part of the energy that is lost if all of it vibrates at that rate
 
 
 FORESHORTENED: list[tuple[int, ModeShapes, tuple[str, ...], tuple[float, ...]]] = [

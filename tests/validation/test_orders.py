@@ -50,21 +50,13 @@ SOFT_GAIN, STIFF_GAIN = 0.02, 1.0  # gains lambda: fastest poles near -220 /s an
 
 
 class Study(NamedTuple):
-    """An integrator on a problem.
+    """An integrator on a problem."""
 
-    Attributes:
-        errors: returns the error with each step.
-        longest: step, halved three times [s].
-        bounds: of the order.
-        reason: of the bounds.
-        count: how many steps are tried.
-    """
-
-    errors: Callable[[Array], list[float]]
-    longest: float
-    bounds: tuple[float, float]
-    reason: str
-    count: int = 4
+    errors: Callable[[Array], list[float]]  # returns the error with each step
+    longest: float  # step, halved three times [s]
+    bounds: tuple[float, float]  # of the order
+    reason: str  # of the bounds
+    count: int = 4  # how many steps are tried
 
     @property
     def steps(self) -> Array:

@@ -47,17 +47,11 @@ CASES = {  # arms, and the torques that drive them
 
 
 class Errors(NamedTuple):
-    """Errors of one arm.
+    """Errors of one arm."""
 
-    Attributes:
-        default: steps in a period that the environments take.
-        median: of all motions [m], by steps in a period.
-        largest: likewise.
-    """
-
-    default: int
-    median: dict[int, float]
-    largest: dict[int, float]
+    default: int  # steps in a period that the environments take
+    median: dict[int, float]  # of all motions [m], by steps in a period
+    largest: dict[int, float]  # likewise
 
     def shown(self, count: int) -> str:
         """Write median and largest error of a number of steps [mm]."""
@@ -81,18 +75,7 @@ def measured(name: str) -> Errors:
 def tip_errors(
     parameters: ArmParameters, limits: tuple[float, float], counts: Sequence[int], episodes: int, seed: int
 ) -> dict[int, Array]:
-    """Return how far the tip is from where a far shorter step takes it, after a second of random torques [m].
-
-    Args:
-        parameters: of the arm.
-        limits: largest torques of shoulder and elbow [N m].
-        counts: steps in a period, the most last.
-        episodes: how many motions.
-        seed: of the torques and of the elbow's angles at the start.
-
-    Returns:
-        Errors by the number of steps. Shape (episodes,) each.
-    """
+    """Return errors of the tip after a second of random torques [m], by steps in a period. Shape (episodes,) each."""
     arm, rng = FlexibleArm(parameters), np.random.default_rng(seed)
     start = np.zeros((episodes, 2 * arm.size))
     start[:, 1] = rng.uniform(-2.5, 2.5, episodes)

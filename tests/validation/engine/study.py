@@ -43,17 +43,11 @@ MAPPED = (Model("linear", 2), Model("linear", 3), Model("foreshortened", 2), Mod
 
 
 class Case(NamedTuple):
-    """A programme at an amplitude.
+    """A programme at an amplitude."""
 
-    Attributes:
-        reference: the extrapolated chain.
-        chains: by number of elements.
-        errors: of each model, its motion less the reference; None for one that diverged.
-    """
-
-    reference: Motion
-    chains: dict[int, Motion]
-    errors: dict[Model, Motion | None]
+    reference: Motion  # the extrapolated chain
+    chains: dict[int, Motion]  # by number of elements
+    errors: dict[Model, Motion | None]  # of each model, its motion less the reference; None for one that diverged
 
     def tip(self, model: Model) -> Array:
         """Return the distance of a model's tip from the reference [m]; infinite if it diverged. Shape (n,)."""
@@ -81,13 +75,7 @@ class Case(NamedTuple):
 
 
 def compared(programme: Programme, elements: Sequence[int], models: Sequence[Model]) -> Case:
-    """Run a programme on chains and models.
-
-    Args:
-        programme: the programme.
-        elements: numbers of elements of the chains, each twice the one before; the last two make the reference.
-        models: the models that are compared with it.
-    """
+    """Run a programme on models and chains; each chain has twice the elements of the one before."""
     chains = {n: chain_motion(programme, n) for n in elements}
     reference = extrapolated(*list(chains.values())[-2:])
     return Case(reference, chains, {model: _error(programme, model, reference) for model in models})
@@ -141,12 +129,7 @@ def limits(model: Model) -> dict[str, float | None]:
 
 
 def crossing(curve: Sequence[tuple[float, float]], tolerance: float) -> float | None:
-    """Return the deflection at which an error passes a tolerance.
-
-    Args:
-        curve: deflections and errors [m].
-        tolerance: [m].
-    """
+    """Return the deflection at which an error passes a tolerance, from a curve of deflections and errors [m]."""
     curve = sorted(curve)
     bend, error = curve[0]
     if error > tolerance:
