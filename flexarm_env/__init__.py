@@ -14,8 +14,7 @@ from flexarm_env.physics.sensing import Outputs
 from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation.arm import Energy, FlexibleArm
 from flexarm_env.simulation.held_torque import StepJacobians
-from flexarm_env.simulation.limits import state_limits
-from flexarm_env.simulation.rest import rest_state
+from flexarm_env.simulation.limits import rest_state, state_limits
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
 __version__ = "0.2.0"

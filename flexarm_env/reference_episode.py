@@ -28,8 +28,7 @@ from flexarm_env.physics.paths import square
 from flexarm_env.physics.polyline import reference_at
 from flexarm_env.physics.sensing import point_reading, truth
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.limits import state_limits
-from flexarm_env.simulation.rest import rest_state
+from flexarm_env.simulation.limits import rest_state, state_limits
 
 PERIOD, SUBSTEPS, STEPS = 0.01, 5, 1600  # control period [s], integration steps in it, periods of an episode
 TORQUE_LIMIT = (150.0, 50.0)  # [N m]; the action 1

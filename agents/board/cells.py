@@ -34,7 +34,7 @@ WITHOUT_PART = (
     *(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene", "warm_up")),
     *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "chain_options", "choices", "consistency")),
     *("flexarm_env.formulas", "flexarm_env.allowed", "flexarm_env.validation"),
-    *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.feedback", "flexarm_env.codegen.tangents"),
+    *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.rk4", "flexarm_env.codegen.tangents"),
     *("flexarm_env.simulation.held_torque", "flexarm_env.simulation.feedback", "flexarm_env.simulation.open_loop"),
     *(f"flexarm_agents.board.{name}" for name in ("entries", "columns", "terms")),
 )

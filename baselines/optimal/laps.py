@@ -16,7 +16,7 @@ from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.rest import rest_state
+from flexarm_env.simulation.limits import rest_state
 from flexarm_env.validation import choice, integer, number, shown
 
 SWING = 0.4  # [s], of a change of sides in the starts

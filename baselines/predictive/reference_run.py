@@ -16,7 +16,7 @@ from flexarm_baselines.optimal.starts import Branch, follow, joint_path
 from flexarm_baselines.optimal.sweep import CostToGo, Model, sweep
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.simulation.rest import rest_state
+from flexarm_env.simulation.limits import rest_state
 
 SWING = 0.4  # [s], of a change of the elbow's side in a previewed run
 SIDES = ("positive", "negative")

@@ -16,7 +16,7 @@ LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, 
 
 LaneRow = NDArray[np.float64]  # one number of each lane. Shape (lanes,)
 Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow`). Shape (5, lanes)
-Keys = NDArray[np.uint64]  # of the lanes' episodes (`random_stream`). Shape (lanes,)
+Keys = NDArray[np.uint64]  # of the lanes' episodes (`elementary.uniform`). Shape (lanes,)
 Mask = NDArray[np.bool_]  # some of the lanes. Shape (lanes,)
 Paths = NDArray[np.float64]  # see `polyline.reference_at`. Shape (paths, n, 5)
 Path = NDArray[np.float64]  # one of them. Shape (n, 5)

@@ -29,10 +29,10 @@ from flexarm_env.envs.kernel_inputs import (
 from flexarm_env.envs.observation import common_layout, sensors_of
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import initial_conditions
+from flexarm_env.episode import reset
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
 from flexarm_env.kernels.layout import beginning_sizes
-from flexarm_env.kernels.status import failures
+from flexarm_env.kernels.states import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
@@ -283,4 +283,4 @@ def block_lanes(count: int, threads: int) -> int:
     return min(COSTS, key=time)
 
 
-START_CODES = {name: getattr(initial_conditions, name.upper()) for name in STARTS}
+START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}

@@ -17,7 +17,7 @@ from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import RATE_LIMIT, state_limits
 
-LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
+LARGEST_DEVIATE = 8.6  # of `elementary.normal`
 
 
 class Workspace(NamedTuple):

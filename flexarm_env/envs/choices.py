@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from flexarm_env.episode.initial_conditions import SHARE_AT_REST
+from flexarm_env.episode.reset import SHARE_AT_REST
 
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]

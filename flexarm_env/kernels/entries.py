@@ -221,7 +221,7 @@ class ReadingRow(FixedNames):
 class Column(FixedNames):
     """Columns of a reset request; NaN where the environment decides."""
 
-    START = Entry("how it starts (`initial_conditions.CORNER`)", "1")
+    START = Entry("how it starts (`reset.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
     PATH = Entry("which of the named paths", "1")
     BRANCH = Entry("see `LaneSetting`", "1")
@@ -230,8 +230,20 @@ class Column(FixedNames):
     STATE = Entry("initial public state", STATE_UNIT, 0)
 
 
+class Segment(FixedNames):
+    """What a lane notes of a side of its path, in rows of its arena that follow each other."""
+
+    LAP = Entry("when its lap began", "s")
+    BEGIN = Entry("when in the lap it begins", "s")
+    END = Entry("when in the lap it ends", "s")
+    START = Entry("where it begins", "m", 2)
+    VELOCITY = Entry("of the reference on it", "m/s", 2)
+
+
 setting, lane_setting, constant = Setting(), LaneSetting(), Constant()
 word, clock_row, reading_row, column = Header(), ClockRow(), ReadingRow(), Column()
+segment = Segment()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
 READING_ROWS = extent(ReadingRow.layout(None))  # of one sensor in a slot of the delay line
+SEGMENT_ROWS = extent(Segment.layout(None))

@@ -1,4 +1,4 @@
-"""Drivers of the implicit-explicit integrator under the paper's law: loops over lanes, stages and steps.
+"""Drivers of the implicit-explicit integrator under the paper's law: its start, and loops over lanes, stages and steps.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
 quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). These functions are compiled
@@ -12,10 +12,10 @@ from flexarm_env.codegen.arrays import Arena, Clock
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
-from flexarm_env.kernels.entries import clock_row
+from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
 from flexarm_env.kernels.recorded import law_kernel
+from flexarm_env.kernels.reference import cache_segment, invalidate_segment, on_segment
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import chord_at
@@ -108,3 +108,44 @@ def loop_step(block: Block, h: float) -> None:
     store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
     count_steps(clock, history, 1)
     store_reading(arena, history, clock[clock_row.HEAD, 0])
+
+
+def prepare_law(arena: Arena, i: int) -> None:
+    """Set the delays and weights of the tip law in lane i, and the gain 0."""
+    for r in range(2):
+        late = arena[row.SENSOR_DELAY + r, i] if variant.law_on_sensor else 0.0
+        shared = arena[row.SENSOR_DELAY, i]
+        compensation = arena[row.COMPENSATION, i]
+        command = 0.0 if compensation == 0.0 else shared if compensation == 1.0 else late
+        arena[row.DELAY + r, i] = late
+        arena[row.COMMAND_DELAY + r, i] = command
+        arena[row.WEIGHT + r, i] = 1.0
+        arena[row.RATE_WEIGHT + r, i] = 1.0
+    arena[row.GAIN, i] = 0.0
+    invalidate_segment(arena, row.COMMAND_SEGMENT, i)
+
+
+def start_law(block: Block, h: float) -> None:
+    """Initialise the started lanes for the implicit integrator; the other lanes do not change.
+
+    Args:
+        block: the block.
+        h: step [s].
+    """
+    arena, started = block.arena, block.started
+    for at in range(STAGES * variant.size):  # an earlier run may have left numbers that are not finite
+        for i in range(variant.lanes):
+            if started[i]:
+                arena[row.V_SLOTS + at, i] = 0.0
+                arena[row.MECHANICAL_SLOTS + at, i] = 0.0
+                arena[row.FEEDBACK_SLOTS + at, i] = 0.0
+    # as `evaluate_law`, but the other lanes keep the torques of the start of their period
+    prepare_commands(block, h)
+    prepare_readings(block, h, 0.0)
+    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    for r in range(variant.size):
+        for i in range(variant.lanes):
+            if started[i]:
+                arena[row.V_SLOTS + r, i] = arena[row.V_STAGE + r, i]
+                arena[row.MECHANICAL_SLOTS + r, i] = arena[row.MECHANICAL + r, i]
+                arena[row.FEEDBACK_SLOTS + r, i] = arena[row.FEEDBACK + r, i]

@@ -19,8 +19,7 @@ from collections.abc import Callable, Sequence
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, STATE_UNIT, Shape
-from flexarm_env.kernels.path_cache import SEGMENT_ROWS
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, SEGMENT_ROWS, STATE_UNIT, Shape
 from flexarm_env.kernels.tableau import RK4_NODES, STAGES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
@@ -150,9 +149,7 @@ class Row(Names):
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
     COMPENSATION = Entry("delay of the commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1", 1, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
-    COMMAND_SEGMENT = Entry(
-        "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
-    )
+    COMMAND_SEGMENT = Entry("segment of the path for the commands (`entries.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW)
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
     Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
@@ -196,7 +193,7 @@ class Row(Names):
     SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _MEASURED)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     PRESENT_SEGMENT = Entry(
-        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
+        "side of the path that the reference is on (`entries.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
     )
     DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
     DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
@@ -279,7 +276,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`status.state_status`, `observe.termination_status`)", "1", 1, _ENVIRONMENT)
+    STATUS = Entry("0 for a valid state (`states.state_status`, `observe.termination_status`)", "1", 1, _ENVIRONMENT)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",

@@ -1,15 +1,42 @@
-"""Drivers that follow the reference: where it is at the present instant. `imex` explains lanes, blocks and arenas."""
+"""Drivers that follow the reference; a lane keeps the side of its path that it is on, which spares the search.
+
+`imex` explains lanes, blocks and arenas.
+"""
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock
+from flexarm_env.codegen.arrays import Arena, Clock, Paths
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.kernels.block import Block
-from flexarm_env.kernels.entries import clock_row
+from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
 from flexarm_env.kernels.variants import variant
-from flexarm_env.physics.polyline import AHEAD
+from flexarm_env.physics.polyline import AHEAD, segment_of
+
+
+@per_lane
+def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
+    """Note for lane i, from a row on, the side that path p is on at a time [s] (see `Segment`); which it is."""
+    lap, k = segment_of(paths, p, time)
+    arena[first + segment.LAP, i] = lap
+    arena[first + segment.BEGIN, i] = paths[p, k, 0]
+    arena[first + segment.END, i] = paths[p, k + 1, 0]
+    for r in range(2):
+        arena[first + segment.START + r, i] = paths[p, k, 1 + r]
+        arena[first + segment.VELOCITY + r, i] = paths[p, k, 3 + r]
+    return k
+
+
+def invalidate_segment(arena: Arena, first: int, i: int) -> None:
+    """Have lane i search for its side anew."""
+    arena[first + segment.END, i] = -1e300
+
+
+@per_lane
+def on_segment(arena: Arena, first: int, i: int, r: int, time: float) -> float:
+    """Return coordinate r of lane i's reference at a time [s] on the noted side, as `reference_at` gives it."""
+    passed = time - arena[first + segment.LAP, i] - arena[first + segment.BEGIN, i]
+    return arena[first + segment.START + r, i] + arena[first + segment.VELOCITY + r, i] * passed
 
 
 def follow_reference(block: Block, h: float) -> None:

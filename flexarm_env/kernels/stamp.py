@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Names
 from flexarm_env.codegen.memory import ArraySpec
-from flexarm_env.kernels.entries import ClockRow, Column, Constant, Drawn, Header, LaneSetting, ReadingRow, Setting
+from flexarm_env.kernels.entries import (
+    ClockRow,
+    Column,
+    Constant,
+    Drawn,
+    Header,
+    LaneSetting,
+    ReadingRow,
+    Segment,
+    Setting,
+)
 from flexarm_env.kernels.layout import Row
-from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant
 
 TABLES: tuple[type[Names], ...] = (

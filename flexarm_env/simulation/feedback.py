@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.codegen import cache
-from flexarm_env.kernels.feedback import FEEDBACK
+from flexarm_env.kernels.rk4 import FEEDBACK
 from flexarm_env.simulation.held_torque import LANES, HeldTorque
 from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import finite_rows, finite_values, pair

@@ -1,7 +1,7 @@
 """`LaneBatch`: N arms in blocks of lanes, in one piece of memory, stepped by compiled kernels.
 
 It has the places of arrays, the call into the kernels, their results, threads and copies. The program says what a
-period does (`episode.period`), rows of the arena hold the parameters of a lane (`envs.batch`).
+period does (`episode.step`), rows of the arena hold the parameters of a lane (`envs.batch`).
 """
 
 from __future__ import annotations

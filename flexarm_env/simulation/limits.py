@@ -1,10 +1,11 @@
-"""The limits of a valid state."""
+"""The limits of a valid state, and the state at rest."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
 
 Array = NDArray[np.float64]
@@ -24,3 +25,10 @@ def state_limits(arm: FlexibleArm) -> Array:
     tips = [np.abs(link.tip_values) for link in arm.modes]
     modal = np.concatenate([link.length / values for link, values in zip(arm.modes, tips, strict=True)])
     return np.concatenate([ANGLE_LIMITS, modal, np.full(2, RATE_LIMIT), TIP_RATE_LIMIT / np.concatenate(tips)])
+
+
+def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> NDArray[np.float64]:
+    """Return the state at rest with straight links and the tip at a point [m]. Shape (4 + 4 m,)."""
+    state = np.zeros(2 * arm.size)
+    state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
+    return state

@@ -73,7 +73,7 @@ class Quits:
 
 def test_the_code_of_a_cell_is_that_of_the_simulation() -> None:
     found = versions._closure(("flexarm_agents.board.episodes",), frozenset(WITHOUT_PART))
-    for name in ("physics.dynamics", "episode.period", "episode.reset", "codegen.compiler", "metrics.running"):
+    for name in ("physics.dynamics", "episode.step", "episode.reset", "codegen.compiler", "metrics.running"):
         assert f"flexarm_env.{name}" in found
     for name in ("flexarm_baselines.paper_law.ifdc", "flexarm_env.envs.rendering", "flexarm_env.chain.env"):
         assert name not in found

@@ -15,7 +15,7 @@ from numba import njit
 from scipy import stats
 
 from flexarm_env import ArmParameters, inverse_kinematics
-from flexarm_env.codegen import elementary, random_stream
+from flexarm_env.codegen import elementary
 from flexarm_env.codegen.compiler import Kernels
 from flexarm_env.envs.bounds import LARGEST_DEVIATE
 from flexarm_env.episode.step import TORQUE
@@ -29,7 +29,7 @@ BITS = st.integers(0, 2**64 - 1)
 @pytest.fixture(scope="module")
 def compiled() -> SimpleNamespace:
     """Compile the functions as kernels have them, each with a loop over arrays around it."""
-    functions = (random_stream.uniform, random_stream.normal, elementary.arctan2, elementary.sincos)
+    functions = (elementary.uniform, elementary.normal, elementary.arctan2, elementary.sincos)
     uniform, normal, arctan2, sincos, angles, rates = map(
         Kernels(Variant(TORQUE, 1, True, 1)).compiled, (*functions, joint_angles_for, joint_rates_for)
     )
@@ -114,7 +114,7 @@ def reference_uniform(key: int, place: int) -> float:
 def test_uniform_is_the_same_in_any_arithmetic(compiled: SimpleNamespace, key: int, place: int) -> None:
     expected = reference_uniform(key, place)
     with np.errstate(over="ignore"):
-        assert random_stream.uniform(np.uint64(key), place) == expected
+        assert elementary.uniform(np.uint64(key), place) == expected
     assert compiled.uniforms(np.array([key], np.uint64), np.array([place]))[0] == expected
     assert 0.0 <= expected < 1.0
 
@@ -146,8 +146,8 @@ def test_normal_is_normal(compiled: SimpleNamespace, along: str) -> None:
 
 def test_normal_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the largest uniform number, one minus 2^-53, in the direction 0: what the observation's bounds assume."""
-    monkeypatch.setattr(random_stream, "uniform", lambda key, place: (1.0 - 2.0**-53) * (1 - place % 2))
-    largest = random_stream.normal(np.uint64(0), 0)
+    monkeypatch.setattr(elementary, "uniform", lambda key, place: (1.0 - 2.0**-53) * (1 - place % 2))
+    largest = elementary.normal(np.uint64(0), 0)
     assert largest == pytest.approx(math.sqrt(106.0 * math.log(2.0)), rel=1e-12)
     assert 8.5 < largest < LARGEST_DEVIATE
 

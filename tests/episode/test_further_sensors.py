@@ -16,9 +16,8 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.sensors import SECOND
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import further_sensors, step
-from flexarm_env.episode.period import step_blocks
-from flexarm_env.episode.step import TORQUE
+from flexarm_env.episode import sensor, step
+from flexarm_env.episode.step import TORQUE, step_blocks
 from flexarm_env.kernels import delay_line, entries, layout
 from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
@@ -93,7 +92,7 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
             put_state(of, arena, n * h)
             delay_line.store_reading(arena, history, n % SLOTS)
         arrays = {"arena": arena, "history": history, "clock": clock, "keys": keys, "paths": path}
-        further_sensors.sense_further(block_of(**arrays, header=header, settings=settings, active=who))
+        sensor.sense_further(block_of(**arrays, header=header, settings=settings, active=who))
         found = arena[row.FURTHER_READING : row.FURTHER_READING + 2, 0].copy()
     return found, ARM.position(state_at((now - back) * h)[:4], link, POINT[link])
 

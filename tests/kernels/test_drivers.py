@@ -13,16 +13,15 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import initial_conditions, sensor, write_observation
+from flexarm_env.episode import observe, reset, sensor
 from flexarm_env.episode.step import GAIN, TORQUE
 from flexarm_env.kernels import (
     delay_line,
     entries,
     layout,
 )
-from flexarm_env.kernels.entries import drawn, setting, word
+from flexarm_env.kernels.entries import Segment, drawn, setting, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
 from tests.support.plain import block_of, run_plainly
@@ -134,7 +133,7 @@ def test_a_reset_request_names_what_an_episode_draws() -> None:
     request[entries.column.DRAWN + drawn.PAYLOAD_MASS], request[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
     arena = memory["ARENAS"][0]
     with plain_python(simulator._variant):
-        initial_conditions.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], request, 1)
+        reset.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], request, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
     parameters = ArmParameters.linear(modes_per_link=1, payload_mass=0.75)
@@ -168,12 +167,12 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
         block = block_of(
             first=0, arena=arena, clock=clock, paths=paths, header=header, settings=settings, active=active
         )
-        write_observation.write_previews(block)
+        observe.write_previews(block)
         # the frame is turned by a quarter: x there is y here
         np.testing.assert_allclose(arena[tail : tail + 2], [[0.0, 0.6], [-1.0, -0.4]], atol=1e-15)
         arena[row.STATUS] = 0.0, 1.0
         observations = np.full((2, 2), 7.0, dtype=np.float32)
-        write_observation.write_observations(block, observations)
+        observe.write_observations(block, observations)
     np.testing.assert_allclose(observations, [[0.0, -10.0], [7.0, 7.0]])
 
 

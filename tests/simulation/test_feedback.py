@@ -8,7 +8,7 @@ import pytest
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.feedback import FEEDBACK, run_feedback
+from flexarm_env.kernels.rk4 import FEEDBACK, run_feedback
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
 

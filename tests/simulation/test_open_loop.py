@@ -1,6 +1,5 @@
 """The torque-driven run: conserved quantities, order, symmetries, limits (the equations: test_dynamics)."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import simpson, solve_ivp
