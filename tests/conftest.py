@@ -20,7 +20,7 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("no deadline", deadline=None)
-settings.register_profile("campaign", deadline=None)  # see `tests.hardening.amounts`
+settings.register_profile("campaign", deadline=None)  # see `tests.hardening.strategies`
 settings.load_profile("no deadline")
 
 

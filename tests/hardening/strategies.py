@@ -1,15 +1,20 @@
-"""What is drawn for parameters and options: what is allowed, its edges, what is just beyond, and garbage."""
+"""What is drawn for parameters and options: what is allowed, its edges, what is just beyond, and garbage.
+
+It is a sample, or a campaign with `pytest --hypothesis-profile=campaign`.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import fields
+from datetime import timedelta
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from flexarm_env.actions import MODES
@@ -20,7 +25,22 @@ from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import ArmParameters
 
+CAMPAIGN = settings.get_current_profile_name() == "campaign"
+LONGEST = timedelta(seconds=120)  # that a case may take on a busy machine
 MOST_CHARACTERS = 2000  # of a message
+
+
+def amount(sample: int, campaign: int) -> int:
+    """Return how much is tried."""
+    return campaign if CAMPAIGN else sample
+
+
+def cases(sample: int, campaign: int) -> settings:
+    """Return hypothesis's settings for so many cases; a sample has the same cases in each run."""
+    count = amount(sample, campaign)
+    return settings(
+        max_examples=count, deadline=LONGEST, derandomize=not CAMPAIGN, suppress_health_check=list(HealthCheck)
+    )
 
 
 class Contrary:

@@ -18,8 +18,7 @@ from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.validation import shown
-from tests.hardening.amounts import CAMPAIGN, cases
-from tests.hardening.strategies import GARBAGE, MOST_CHARACTERS, numbers
+from tests.hardening.strategies import CAMPAIGN, GARBAGE, MOST_CHARACTERS, cases, numbers
 
 EVERY = ("FlexArm/Square-v0", "FlexArm/SquareUnknown-v0", "FlexArm/Reach-v0", "FlexArm/Paper-v0")
 IDS = EVERY if CAMPAIGN else EVERY[:1]  # whose kernels other tests have

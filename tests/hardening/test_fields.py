@@ -23,8 +23,7 @@ from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
-from tests.hardening.amounts import cases
-from tests.hardening.strategies import GARBAGE, Contrary, check_refusal, inside
+from tests.hardening.strategies import GARBAGE, Contrary, cases, check_refusal, inside
 
 
 class Subject(NamedTuple):

@@ -24,8 +24,7 @@ from flexarm_agents.training.reward import RewardTraining
 from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
-from tests.hardening.amounts import CAMPAIGN, cases
-from tests.hardening.strategies import MOST_CHARACTERS
+from tests.hardening.strategies import CAMPAIGN, MOST_CHARACTERS, cases
 
 TINY: dict[str, Any] = {"envs": 2, "rollout": 8, "batch": 16, "epochs": 1, "steps": 16, "hidden": (4,)}
 MOST_BYTES = 2**20  # of a file that is damaged: larger ones are slow to write

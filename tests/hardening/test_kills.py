@@ -25,7 +25,7 @@ import pytest
 from flexarm_agents.policies.load import load_policy
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env import Trajectory
-from tests.hardening.amounts import amount
+from tests.hardening.strategies import amount
 from tests.support.programs import ROOT
 
 LONGEST = 600.0  # of a task [s]

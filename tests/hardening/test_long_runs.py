@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents.environments import make_batch
-from tests.hardening.amounts import amount
+from tests.hardening.strategies import amount
 
 ENVIRONMENT = "FlexArm/SquareUnknown-v0"
 LANES = 256

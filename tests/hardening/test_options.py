@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,15 @@ from hypothesis import strategies as st
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
-from tests.hardening.amounts import cases
-from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
+from tests.hardening.strategies import (
+    GARBAGE,
+    NAMES,
+    SETTINGS_FIELDS,
+    any_options,
+    cases,
+    check_refusal,
+    declared_arms,
+)
 
 
 def made(options: dict[str, Any]) -> FlexArmEnv | None:
@@ -44,15 +52,6 @@ STEEP = {  # a modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where th
 @given(any_options())
 def test_options_are_taken_or_refused_by_name(options: dict[str, Any]) -> None:
     made(options)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_garbage_is_refused_by_name(name: str) -> None:
-    for value in GARBAGE:
-        try:
-            SETTINGS_FIELDS[name].check(name, value)  # what is taken is put together above
-        except Exception as error:
-            check_refusal(error, {name: value})
 
 
 @pytest.mark.slow
@@ -100,16 +99,6 @@ def test_arms_compute_finite_numbers(parameters: dict[str, Any], seed: int) -> N
         assert all(np.isfinite(array).all() for array in found)
 
 
-@pytest.mark.parametrize("kind", [ArmParameters, SensorParameters, LawParameters, SquareParameters])
-def test_garbage_among_parameters_is_refused_by_name(kind: type) -> None:
-    for one in fields(kind):
-        for value in GARBAGE:
-            try:
-                kind(**{one.name: value})
-            except Exception as error:
-                check_refusal(error, {one.metadata["name"] or one.name: value})
-
-
 ARM = FlexibleArm(ArmParameters.linear())
 ZEROS = np.zeros((2, ARM.size))
 RUN: dict[str, Any] = {"time": np.zeros(2), "state": np.zeros((2, 2 * ARM.size)), "torque": np.zeros((2, 2))}
@@ -132,10 +121,16 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "state of a run": lambda value: ARM.record(**(RUN | {"state": value})),
     "torque of a run": lambda value: ARM.record(**(RUN | {"torque": value})),
 }
+for kind in (ArmParameters, SensorParameters, LawParameters, SquareParameters):
+    for one in fields(kind):
+        CALLS[f"{one.metadata['name'] or one.name} of {kind.__name__}"] = lambda value, kind=kind, name=one.name: kind(
+            **{name: value}
+        )
+CALLS |= {f"{name} of an environment": partial(SETTINGS_FIELDS[name].check, name) for name in NAMES}
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_garbage_as_an_argument_is_refused_by_name(name: str) -> None:
+def test_garbage_is_refused_by_name(name: str) -> None:
     for value in GARBAGE:
         for given_value in (value, [value] * 2, [value] * 12):
             try:
