@@ -1,6 +1,8 @@
 """What strain gauges tell of an arm: the modal coordinates whose deflection fits that of its links best.
 
 Best means in the mean square over mass. On the arm whose coordinates they are, the fit gives these coordinates back.
+A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent. This is what
+strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it.
 """
 
 from __future__ import annotations
@@ -8,47 +10,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.chain.links import PLACES, Bend
 from flexarm_env.physics.link_modes import LinkModes
 from flexarm_env.simulation.arm import FlexibleArm
 
 Array = NDArray[np.float64]
+PLACES = 41  # where a link's deflection is read, root and tip among them
 
 
-class Gauges:
-    """Reads a model's coordinates off any arm: the deflection that they can express, in the mean square over mass.
-
-    Attributes:
-        arm: the model.
-        filters: map of each link, from deflections at `PLACES` to coordinates. Shape (m, PLACES) each.
-    """
-
-    def __init__(self, arm: FlexibleArm) -> None:
-        """For the coordinates of a model."""
-        self.arm = arm
-        places = np.linspace(0.0, 1.0, PLACES)
-        weight = np.full(PLACES, 2.0 / 3.0)  # Simpson's rule
-        weight[1::2], weight[[0, -1]] = 4.0 / 3.0, 1.0 / 3.0
-        self.filters = []
-        for link in arm.modes:
-            shapes = link.shape(link.length * places)
-            weighted = shapes * weight[:, None]
-            self.filters.append(np.linalg.solve(weighted.T @ shapes, weighted.T))
-
-    def modal(self, bend: Bend) -> tuple[Array, Array]:
-        """Modal coordinates and rates of both links. Shape (2, m) each."""
-        read = [np.array([f @ w for f, w in zip(self.filters, part, strict=True)]) for part in bend[2:]]
-        return read[0], read[1]
-
-    def state(self, bend: Bend) -> Array:
-        """Public state of the model. Shape (4 + 4 m,)."""
-        q, rates = self.modal(bend)
-        y, v = (np.concatenate([[a[0]], x[0], [a[1]], x[1]]) for a, x in ((bend.roots, q), (bend.root_rates, rates)))
-        return self.arm.public_state(np.concatenate([y, v]))
+def filters(arm: FlexibleArm) -> list[Array]:
+    """Return each link's map from its deflection at `PLACES` [m] to a model's coordinates. Shape (m, PLACES) each."""
+    places = np.linspace(0.0, 1.0, PLACES)
+    weight = np.full(PLACES, 2.0 / 3.0)  # Simpson's rule
+    weight[1::2], weight[[0, -1]] = 4.0 / 3.0, 1.0 / 3.0
+    found = []
+    for link in arm.modes:
+        shapes = link.shape(link.length * places)
+        weighted = shapes * weight[:, None]
+        found.append(np.linalg.solve(weighted.T @ shapes, weighted.T))
+    return found
 
 
 class ChainGauges:
-    """The same on a chain, as matrices: everything is linear in the bend angles, and their rates.
+    """Reads a model's coordinates off a chain: everything is linear in the bend angles, and their rates.
 
     Attributes:
         modal: map of each link, from bend angles [rad] to modal coordinates. Shape (m, segments - 1) each.
@@ -71,9 +54,8 @@ class ChainGauges:
                 f"segments = {segments}: must be at least {least}, two more than the arm's modes_per_link, "
                 "so that its bend angles tell the modes apart"
             )
-        filters = Gauges(arm).filters
         reads = [_deflections(link.length, segments) for link in arm.modes]
-        self.modal = [f @ read for f, read in zip(filters, reads, strict=True)]
+        self.modal = [f @ read for f, read in zip(filters(arm), reads, strict=True)]
         self.deflection = [read[-1] for read in reads]
         lifted = [_bends(link, segments) for link in arm.modes]
         self.bends = [lift @ np.linalg.inv(read @ lift) for read, lift in zip(self.modal, lifted, strict=True)]

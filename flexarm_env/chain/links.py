@@ -1,13 +1,6 @@
-"""`Chain`: a chain of rigid segments (`model`) in motion, how its links lie and bend, and where its points are.
-
-**Deflection.** A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent.
-This is what strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it. All
-of it is linear in the bend angles; so are the rates.
-"""
+"""`Chain`: a chain of rigid segments (`model`) in motion, and where its points are."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,39 +10,6 @@ from flexarm_env.chain import model as chain
 from flexarm_env.parameters import ArmParameters
 
 Array = NDArray[np.float64]
-PLACES = 41  # where a link's deflection is read, root and tip among them
-
-
-class Sight(NamedTuple):
-    """An arm at an instant.
-
-    Attributes:
-        tip: x, y [m]. Shape (2,).
-        joints: theta1, theta2 [rad]. Shape (2,).
-        rates: their rates [rad/s]. Shape (2,).
-        deflection: w at each link's tip [m]. Shape (2,).
-    """
-
-    tip: Array
-    joints: Array
-    rates: Array
-    deflection: Array
-
-
-class Bend(NamedTuple):
-    """How an arm's links lie and bend.
-
-    Attributes:
-        roots: angles of the root tangents from the x axis [rad]. Shape (2,).
-        root_rates: rates of the roots' angles [rad/s]. Shape (2,).
-        deflections: w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
-        deflection_rates: their rates [m/s]. Shape (2, PLACES).
-    """
-
-    roots: Array
-    root_rates: Array
-    deflections: Array
-    deflection_rates: Array
 
 
 class Chain:
@@ -98,12 +58,6 @@ class Chain:
 
     # --- what it is --------------------------------------------------------------------------------------------------
 
-    def look(self) -> Sight:
-        """Return the arm's present outputs."""
-        at = self.shoulder_and_elbow
-        deflection = (self.lengths * self._turned(self.data.qpos)).sum(1)
-        return Sight(self.tip(), self.data.qpos[at], self.data.qvel[at], deflection)
-
     def joints(self) -> tuple[float, float]:
         """Return theta1 and theta2 now [rad]."""
         return float(self.data.qpos[0]), float(self.data.qpos[self.segments])
@@ -112,16 +66,6 @@ class Chain:
         """Return where the end of link 2 is now, as MuJoCo has it [m]. Shape (2,)."""
         mujoco.mj_kinematics(self.model, self.data)
         return self.data.site_xpos[self._tip, :2].copy()
-
-    def bend(self) -> Bend:
-        """Return how its links lie and bend now."""
-        places = np.linspace(0.0, 1.0, PLACES)
-        roots, read = [], []
-        for angles in (self.data.qpos, self.data.qvel):
-            slopes = self.lengths * self._turned(angles)
-            roots.append(np.cumsum(angles)[self.shoulder_and_elbow])
-            read.append(np.array([np.interp(places, self._ends, np.append(0.0, np.cumsum(link))) for link in slopes]))
-        return Bend(*roots, *read)
 
     def point_weights(self, link: int, s: float) -> Array:
         """Return how much of each segment lies before a point; with their directions, this is where the point is.
@@ -174,8 +118,3 @@ class Chain:
         steps = self.lengths[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         points = np.vstack([np.zeros((1, 2)), np.cumsum(steps.reshape(-1, 2), axis=0)])
         return points[: self.segments + 1], points[self.segments :]
-
-    def _turned(self, angles: Array) -> Array:
-        """Return angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
-        absolute = np.cumsum(angles).reshape(2, -1)
-        return np.asarray(absolute - absolute[:, :1])

@@ -16,8 +16,7 @@ pytest.importorskip("mujoco", reason="MuJoCo is in the extra `chain`")
 import mujoco
 
 from flexarm_env.chain import model as chains
-from flexarm_env.chain.gauges import Gauges
-from tests.validation.arms import EngineChain, Modal
+from tests.validation.arms import EngineChain, Gauges, Modal
 from tests.validation.motion import bent_by
 
 EI, L = 1676.0, 4.5

@@ -143,15 +143,15 @@ def test_points_are_where_mujoco_has_them() -> None:
 
 def test_gauges_of_a_chain_are_those_of_any_arm() -> None:
     """As matrices, and by the deflections that they fit; theta2 goes with the fitted slope of link 1's tip."""
-    from flexarm_env.chain.gauges import Gauges
+    from tests.validation.arms import EngineChain, Gauges
 
     env = make(segments=12)
     env.reset(seed=0)
     plant = env.unwrapped.simulator.plant
     shape = plant.chain.data.qpos.shape
     plant.chain.pose(*np.random.default_rng(2).normal(scale=(0.02, 1.0), size=(*shape, 2)).T)
-    truth, sight = plant.truth(), plant.chain.look()
-    np.testing.assert_allclose(truth.state, Gauges(env.unwrapped.arm).state(plant.chain.bend()), atol=1e-11)
+    truth, sight = plant.truth(), EngineChain.look(plant.chain)
+    np.testing.assert_allclose(truth.state, Gauges(env.unwrapped.arm).state(EngineChain.bend(plant.chain)), atol=1e-11)
     np.testing.assert_array_equal(plant.encoders(), [*sight.joints, *sight.rates])
     assert abs(truth.state[1] - sight.joints[1]) > 1e-3  # the encoder has the slope of all vibrations
     np.testing.assert_allclose(truth.deflection, sight.deflection, atol=1e-13)

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.chain.links import PLACES, Bend, Chain, Sight
+from flexarm_env.chain.gauges import PLACES, filters
+from flexarm_env.chain.links import Chain
 from flexarm_env.chain.model import chain_model, frequencies
-from tests.validation.motion import MODEL_ANGLE, Motion, fixed_point
-from tests.validation.programmes import HELD, Programme
+from tests.validation.motion import HELD, MODEL_ANGLE, Motion, Programme, fixed_point
 
 Array = NDArray[np.float64]
 # Step times the fastest rate. Runge-Kutta's classical method is stable up to 2.83, but near that takes the fastest
 # vibrations away, which moves the chain's tip by 1 mm after torque jumps; at half of 2.5 it is 0.1 mm at most.
 CHAIN_ANGLE = 1.25
+
+
+class Sight(NamedTuple):
+    """An arm at an instant."""
+
+    tip: Array  # x, y [m]
+    joints: Array  # theta1, theta2 [rad]
+    rates: Array  # their rates [rad/s]
+    deflection: Array  # w at each link's tip [m]
+
+
+class Bend(NamedTuple):
+    """How an arm's links lie and bend."""
+
+    roots: Array  # angles of the root tangents from the x axis [rad]. Shape (2,)
+    root_rates: Array  # their rates [rad/s]. Shape (2,)
+    deflections: Array  # w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES)
+    deflection_rates: Array  # their rates [m/s]. Shape (2, PLACES)
 
 
 class Plant(Protocol):
@@ -87,8 +105,42 @@ class EngineChain(Chain):
             tip[:] = self.tip()
         return tips
 
+    def look(self) -> Sight:
+        at = self.shoulder_and_elbow
+        deflection = turned(self, self.data.qpos).sum(1)
+        return Sight(self.tip(), self.data.qpos[at], self.data.qvel[at], deflection)
+
+    def bend(self) -> Bend:
+        places = np.linspace(0.0, 1.0, PLACES)
+        roots, read = [], []
+        for angles in (self.data.qpos, self.data.qvel):
+            roots.append(np.cumsum(angles)[self.shoulder_and_elbow])
+            read.append(
+                [np.interp(places, self._ends, np.append(0.0, np.cumsum(each))) for each in turned(self, angles)]
+            )
+        return Bend(*roots, *map(np.array, read))
+
     def end(self) -> Array:
         return self.point(self._end)
+
+
+def turned(chain: Chain, angles: Array) -> Array:
+    """Return how far the ends of segments are across a link's root tangent from angles, or rates. Shape (2, segments)."""
+    absolute = np.cumsum(angles).reshape(2, -1)
+    return np.asarray(chain.lengths * (absolute - absolute[:, :1]))
+
+
+class Gauges:
+    """Reads a model's coordinates off any arm: what they can express of its deflection (`flexarm_env.chain.gauges`)."""
+
+    def __init__(self, arm: FlexibleArm) -> None:
+        self.arm, self._filters = arm, filters(arm)
+
+    def state(self, bend: Bend) -> Array:
+        """Public state of the model. Shape (4 + 4 m,)."""
+        q, rates = (np.array([f @ w for f, w in zip(self._filters, part, strict=True)]) for part in bend[2:])
+        y, v = (np.concatenate([[a[0]], x[0], [a[1]], x[1]]) for a, x in ((bend.roots, q), (bend.root_rates, rates)))
+        return self.arm.public_state(np.concatenate([y, v]))
 
 
 class Modal:

@@ -21,8 +21,7 @@ from exudyn import itemInterface
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters
-from tests.validation.motion import Motion
-from tests.validation.programmes import HELD, Programme
+from tests.validation.motion import HELD, Motion, Programme
 
 Array = NDArray[np.float64]
 AXIAL_STIFFNESS = 1e7  # EA [N]; 100 N of inertia forces stretch 4.5 m by 0.05 mm

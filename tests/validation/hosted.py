@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.chain.gauges import Gauges
 from flexarm_env.codegen.arrays import Four
 from flexarm_env.envs.drawing import Drawing, drawing_of
 from flexarm_env.envs.hosted import HostedSimulator
@@ -16,8 +15,8 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.coordinates import rigid_tip
 from flexarm_env.physics.sensing import Truth
-from tests.validation.arms import Plant
-from tests.validation.programmes import HELD
+from tests.validation.arms import Gauges, Plant
+from tests.validation.motion import HELD
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from flexarm_env import (
 from flexarm_env.chain.law import Pair, TipLaw
 from tests.validation.arms import EngineChain
 from tests.validation.kept import kept
-from tests.validation.programmes import HELD
+from tests.validation.motion import HELD
 
 Array = NDArray[np.float64]
 ANGLE = 1.8  # step times the chain's fastest rate; semi-implicit Euler allows 2

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.validation.motion import Motion, extrapolated
-from tests.validation.programmes import PROGRAMMES, Programme
+from tests.validation.motion import PROGRAMMES, Motion, Programme, extrapolated
 
 FILE = Path(__file__).parent / "engines.npz"
 EVERY = 10  # `HELD` between two records

@@ -42,7 +42,7 @@ from tests.validation.laps import (
     over_time,
     run_lap,
 )
-from tests.validation.programmes import HELD
+from tests.validation.motion import HELD
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scripts.common.plotting import COLOURS, WIDTH, headline, running_rms
 from tests.validation import recorded
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.motion import Motion, apart, model_motion, rms
-from tests.validation.programmes import HELD, Model
+from tests.validation.motion import HELD, Model, Motion, apart, model_motion, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

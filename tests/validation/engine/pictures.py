@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE, SOFT, THRESHOLD, WIDTH, headline, running_rms
 from tests.validation.engine.study import AMPLITUDES, FINEST, KICKS, NAMES, SMALLEST, SPINS, case, spinning
-from tests.validation.programmes import DEFAULT, HELD, MODELS, PROGRAMMES, Model
+from tests.validation.motion import DEFAULT, HELD, MODELS, PROGRAMMES, Model
 
 Array = NDArray[np.float64]
 TITLES = {programme.name: programme.title for programme in PROGRAMMES}

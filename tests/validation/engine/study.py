@@ -17,8 +17,17 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm
 from tests.validation.arms import chain_motion
 from tests.validation.kept import kept
-from tests.validation.motion import Motion, extrapolated, low_passed, model_motion, rms
-from tests.validation.programmes import MODELS, PROGRAMMES, Model, Programme
+from tests.validation.motion import (
+    MODELS,
+    PROGRAMMES,
+    Model,
+    Motion,
+    Programme,
+    extrapolated,
+    low_passed,
+    model_motion,
+    rms,
+)
 
 Array = NDArray[np.float64]
 SMALLEST = 0.125

@@ -33,8 +33,7 @@ from tests.validation.engine.study import (
     tried,
 )
 from tests.validation.finite_elements import critical_spin as spin_of_elements
-from tests.validation.motion import MODEL_ANGLE, Motion, apart, model_motion
-from tests.validation.programmes import HELD, MODELS, PROGRAMMES, Model
+from tests.validation.motion import HELD, MODEL_ANGLE, MODELS, PROGRAMMES, Model, Motion, apart, model_motion
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

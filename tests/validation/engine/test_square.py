@@ -23,8 +23,7 @@ from scripts.common.plotting import INK, THRESHOLD, WIDTH, headline, plain_ticks
 from tests.validation import laws
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.engine.pictures import LINES, smoothed
-from tests.validation.motion import apart, rms
-from tests.validation.programmes import HELD, Model
+from tests.validation.motion import HELD, Model, apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
