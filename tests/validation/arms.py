@@ -115,17 +115,16 @@ class EngineChain(Chain):
         roots, read = [], []
         for angles in (self.data.qpos, self.data.qvel):
             roots.append(np.cumsum(angles)[self.shoulder_and_elbow])
-            read.append(
-                [np.interp(places, self._ends, np.append(0.0, np.cumsum(each))) for each in turned(self, angles)]
-            )
-        return Bend(*roots, *map(np.array, read))
+            raised = np.cumsum(turned(self, angles), axis=1)
+            read.append(np.array([np.interp(places, self._ends, np.append(0.0, link)) for link in raised]))
+        return Bend(*roots, *read)
 
     def end(self) -> Array:
         return self.point(self._end)
 
 
 def turned(chain: Chain, angles: Array) -> Array:
-    """Return how far the ends of segments are across a link's root tangent from angles, or rates. Shape (2, segments)."""
+    """Return what each segment adds to its link's deflection, from angles or rates. Shape (2, segments)."""
     absolute = np.cumsum(angles).reshape(2, -1)
     return np.asarray(chain.lengths * (absolute - absolute[:, :1]))
 
