@@ -1,20 +1,25 @@
-"""Algorithms beside plain PPO, and encoders: folders, resuming, the same actions by numpy."""
+"""Policies as numpy runs them: the actions of torch, encoders and their memory, files."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 import flexarm_agents.training.models
 import flexarm_agents.training.reward
 from flexarm_agents import NetworkPolicy, config_of, load_policy, network_policy, train
+from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.models import new_model
+from tests.support.refusals import refuses
 from tests.support.trainings import ID, TINIES, TINY
 
 
@@ -57,6 +62,16 @@ def test_the_noise_of_a_squashed_policy_is_torchs() -> None:
     np.testing.assert_allclose(drawn.std(axis=0), log_std.exp().detach().numpy()[0], rtol=0.03)
 
 
+def test_a_policys_own_randomness() -> None:
+    policy = NetworkPolicy([np.zeros((2, 3), np.float32)], [np.zeros(2, np.float32)], np.log(np.float32([0.1, 0.3])))
+    policy.seed(1)
+    assert not policy.predict(np.zeros((4000, 3)))[0].any()  # the mean, unless asked for more
+    first = policy.predict(np.zeros((4000, 3)), deterministic=False)[0]
+    np.testing.assert_allclose(first.std(axis=0), [0.1, 0.3], rtol=0.05)
+    policy.seed(1)
+    np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)), deterministic=False)[0], first)
+
+
 @pytest.mark.parametrize("name", ["lags", "observer"])
 def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     """Also where episodes end: the batch shows the inputs that the exported policy makes of plain observations."""
@@ -93,10 +108,7 @@ def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, m
     assert not (tmp_path / "run").exists()
 
 
-def saved(path: Path, name: str) -> dict[str, Any]:
-    network_policy(new_model(config_of(**TINIES[name])), {"config": {"environment": ID, "options": {}}}).save(path)
-    with np.load(path) as file:
-        return dict(file)
+FLOATS = np.zeros((1, 8), np.float32)
 
 
 @pytest.mark.parametrize(
@@ -105,18 +117,44 @@ def saved(path: Path, name: str) -> dict[str, Any]:
         ("recurrent_ppo", {"lstm_bias": np.zeros(3, np.float32)}, r"must have shapes \(4 h, k\)"),
         ("recurrent_ppo", {"lstm_input": np.zeros((32, 4))}, "lstm_input: must hold float32"),
         ("recurrent_ppo", {"lstm_memory": None}, "no entry 'lstm_memory'"),
-        ("sac", {"spread": np.zeros((1, 8), np.float32)}, r"log_std_weights: must have shape \(2, 8\)"),
-        ("recurrent_ppo", {"observer_scale": np.ones(5, np.float32)}, "Lstm and Observer: at most one encoder"),
-        ("sac", {"other": np.zeros(1, np.float32)}, "'other': no such array"),
-        ("observer", {"observer_scale": np.ones(5, np.float32)}, "observer_scale: must be that of"),
+        ("recurrent_ppo", {"observer_scale": FLOATS}, "Lstm and Observer: at most one encoder"),
+        ("observer", {"observer_scale": FLOATS[0]}, "observer_scale: must be that of"),
+        ("sac", {"spread": FLOATS}, r"log_std_weights: must have shape \(2, 8\)"),
+        ("sac", {"other": FLOATS}, "'other': no such array"),
+        ("sac", {"weight_1": np.zeros((1, 3), np.float32)}, r"weights\[1\]: must have shape \(8, 16\), got \(1, 3\)"),
+        ("sac", {"log_std": FLOATS[0]}, r"log_std: must have shape \(2,\)"),
+        ("sac", {"weight_0": None}, r"policy.npz: not a saved policy \(no entry 'weight_0'\)"),
+        ("sac", {"head": None}, "no entry 'head'"),
+        ("sac", {"head": np.array('{"format": 99}')}, "policy.npz: format 99; this version reads 1"),
     ],
 )
 def test_files_that_do_not_fit_are_refused(tmp_path: Path, name: str, changes: dict[str, Any], message: str) -> None:
     path = tmp_path / "policy.npz"
-    arrays = {key: value for key, value in (saved(path, name) | changes).items() if value is not None}
-    np.savez(path, **arrays)
+    network_policy(new_model(config_of(**TINIES[name]))).save(path)
+    with pytest.raises(ValueError, match="does not say what it was trained on"):
+        load_policy(path)
+    with np.load(path) as file:
+        arrays = dict(file) | changes
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
     with pytest.raises(ValueError, match=message):
         load_policy(path)
+    path.write_text("text")
+    with refuses(ValueError, "policy.npz: not a saved policy"):
+        load_policy(path)
+
+
+def test_what_does_not_fit_a_policy_is_refused(tmp_path: Path) -> None:
+    with refuses(FileNotFoundError, "the folder holds no best_policy.npz"):
+        load_policy(tmp_path)
+    with refuses(FileNotFoundError, "source = 'nobody': neither a folder or file nor a shipped policy"):
+        load_policy("nobody")
+    trained = load_policy("square")
+    with refuses(ValueError, "policy 'square': was trained with observation of shape"):
+        trained.make_env(last_actions=2)
+    with pytest.raises(ValueError, match=r"observation must have shape \(\d+,\) or \(n, \d+\), got \(3,\)"):
+        trained.policy.predict(np.zeros(3))
+    with refuses(TypeError, "observation must be an array, got a dict"):
+        trained.policy.predict({"a": np.zeros(3)})
 
 
 def test_an_encoder_and_its_network_fit_together() -> None:
@@ -130,3 +168,74 @@ def test_an_encoder_and_its_network_fit_together() -> None:
         NetworkPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), encoder=lstm)
     with pytest.raises(TypeError, match=r"encoder = 'lstm': must be None or one of PastReadings, Lstm, Observer"):
         NetworkPolicy(weights, biases, np.zeros(2, np.float32), encoder="lstm")  # type: ignore[arg-type]
+
+
+LINEAR = PastReadings(3, (1, 3), (0, 2))
+
+
+def policy(encoder: PastReadings = LINEAR) -> NetworkPolicy:
+    """Return a policy of one layer with random weights."""
+    weight = 0.1 * np.random.default_rng(0).normal(size=(2, encoder.inputs)).astype(np.float32)
+    return NetworkPolicy([weight], [np.zeros(2, np.float32)], np.zeros(2, np.float32), encoder=encoder)
+
+
+@given(
+    lags=st.sets(st.integers(1, 9), min_size=1, max_size=4),
+    starts=st.lists(st.booleans(), min_size=12, max_size=12),
+)
+def test_the_network_sees_what_was_observed_at_each_lag(lags: set[int], starts: list[bool]) -> None:
+    """Before an episode's first observation it was always that one."""
+    encoder = PastReadings(3, tuple(sorted(lags)), (0, 2))
+    one, state = policy(encoder), None
+    observations = np.random.default_rng(1).normal(size=(len(starts), 3)).astype(np.float32)
+    first = 0
+    for k, start in enumerate(starts):
+        first = k if start else first
+        past = [observations[max(k - lag, first)][[0, 2]] for lag in encoder.lags]
+        expected = one.weights[0] @ np.concatenate([observations[k], *past])
+        found, state = one.predict(observations[k], state, np.array([start]), deterministic=True)
+        np.testing.assert_allclose(found, np.clip(expected, -1.0, 1.0), atol=1e-6)
+
+
+def test_a_batch_remembers_as_its_members_do() -> None:
+    one, random = policy(), np.random.default_rng(2)
+    together, alone = None, [None, None, None]
+    for k in range(8):
+        seen = random.normal(size=(3, 3)).astype(np.float32)
+        start = np.array([k == 0, k in (0, 4), k == 0])
+        given_state = together
+        actions, together = one.predict(seen, together, start, deterministic=True)
+        again, _ = one.predict(seen, given_state, start, deterministic=True)  # the state given was not changed
+        np.testing.assert_array_equal(actions, again)
+        for n in range(3):
+            action, alone[n] = one.predict(seen[n], alone[n], start[n : n + 1], deterministic=True)  # type: ignore[call-overload]
+            np.testing.assert_allclose(action, actions[n], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("history", "words"),
+    [
+        ({"lags": [3, 1], "remembered": [0]}, "lags = (3, 1): must increase"),
+        ({"lags": [1.5], "remembered": [0]}, "lags[0] = 1.5: must be an integer"),
+        ({"lags": [1], "remembered": []}, "remembered = (): must have an entry"),
+        ({"lags": [1], "remembered": [9]}, "remembered = (9,): must be indices in an observation of"),
+        ({"lags": [10**9], "remembered": [0]}, "lags[0] = 1000000000: must be an integer from 1 to 1000"),
+        ({"lags": [1, 2, 3, 4, 5, 6, 7], "remembered": [0]}, "size = 0: must be an integer from 1"),
+        ("text", "not a saved policy"),
+    ],
+)
+def test_a_tampered_history_is_refused(tmp_path: Path, history: Any, words: str) -> None:
+    policy().save(tmp_path / "policy.npz")
+    assert NetworkPolicy.load(tmp_path / "policy.npz").encoder == LINEAR
+    with np.load(tmp_path / "policy.npz") as file:
+        arrays = dict(file)
+    head = json.loads(str(arrays.pop("head")))
+    assert head["history"] == {"lags": [1, 3], "remembered": [0, 2]}
+    np.savez(tmp_path / "policy.npz", head=np.array(json.dumps(head | {"history": history})), **arrays)
+    with refuses(ValueError, "policy.npz", words):
+        NetworkPolicy.load(tmp_path / "policy.npz")
+
+
+def test_a_foreign_state_is_refused() -> None:
+    with refuses(ValueError, "state: must be what predict returned for as many observations", "(1, 3, 2)"):
+        policy().predict(np.zeros(3, np.float32), (np.zeros((2, 3, 2), np.float32),))
