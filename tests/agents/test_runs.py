@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import PPO
 
 from flexarm_agents import StandardScore, TrainingStopped, config_of, evaluate, load_policy, train
 from flexarm_agents.evaluation.scoring import rank
@@ -110,6 +111,15 @@ def test_what_a_training_leaves(runs: Runs, name: str) -> None:
     versions = json.loads((run / "versions.json").read_text())
     assert best.notes["versions"] == versions
     assert set(versions) >= {"python", "code", "torch", "numpy", "sb3_contrib"}
+
+
+def test_the_best_model_is_the_best_policy_and_another_seed_gives_another(runs: Runs, tmp_path: Path) -> None:
+    policy, model = load_policy(runs("ppo")).policy, PPO.load(runs("ppo") / "best_model.zip", device="cpu")
+    observations = np.random.default_rng(0).normal(size=(20, policy.observation_size)).astype(np.float32)
+    expected, _ = model.predict(observations, deterministic=True)
+    np.testing.assert_allclose(policy.predict(observations, deterministic=True)[0], expected, atol=2e-6)
+    train(runs.config("ppo", seed=1), tmp_path / "other")
+    assert not same_policy(runs("ppo") / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
 
 
 @pytest.mark.parametrize(("name", "step"), [(name, step) for name in CASES for step in BREAKS.get(name, (100,))])

@@ -8,15 +8,13 @@ import os
 import re
 import signal
 import sys
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
-from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
@@ -25,25 +23,7 @@ from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_agents.training.run_folder import RunFolder
-from tests.support.trainings import ID, TINY, finished, same_policy
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run the tiny training once; its folder must not be changed."""
-    return finished(tmp_path_factory.mktemp("runs"))
-
-
-def test_the_best_model_is_the_best_policy(run: Path) -> None:
-    policy, model = load_policy(run).policy, PPO.load(run / "best_model.zip", device="cpu")
-    observations = np.random.default_rng(0).normal(size=(20, policy.observation_size)).astype(np.float32)
-    expected, _ = model.predict(observations, deterministic=True)
-    np.testing.assert_allclose(policy.predict(observations, deterministic=True)[0], expected, atol=2e-6)
-
-
-def test_another_seed_gives_other_numbers(run: Path, tmp_path: Path) -> None:
-    train(PPOConfig(**TINY, seed=1), tmp_path / "other")
-    assert not same_policy(run / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
+from tests.support.trainings import ID, TINY
 
 
 @pytest.mark.usefixtures("signals")
@@ -55,14 +35,15 @@ def test_a_second_signal_ends_at_once() -> None:
     assert not isinstance(caught.value, TrainingStopped)
 
 
-def test_other_threads_train_without_handlers(tmp_path: Path) -> None:
-    outcomes: list[object] = []
-    thread = threading.Thread(
-        target=lambda: outcomes.append(train(PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run"))
-    )
-    thread.start()
-    thread.join()
-    assert outcomes
+def test_another_thread_trains_without_handlers_and_the_threads_of_torch_stay(tmp_path: Path) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(train, PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run").result()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -119,16 +100,6 @@ def test_a_full_disk_names_the_folder(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(OSError, match=rf"No space left on device: {re.escape(repr(str(folder)))}"):
         train(PPOConfig(**TINY), folder)
     assert {one.name for one in folder.iterdir()} - {"tensorboard"} == {one.name for one in written}
-
-
-def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        train(PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run")
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
 
 
 # Kernels with noise that no other test compiles.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_agents import NetworkPolicy, Score, StandardScore, config_of, train
+from flexarm_agents import NetworkPolicy, Score, StandardScore, train
 from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
@@ -107,13 +107,6 @@ def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
         ended = "error" if rms is None else "truncated"
         scores.append(Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0))
     return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
-
-
-def finished(folder: Path) -> Path:
-    """Run the tiny training in a folder below this one."""
-    run = folder / "tiny"
-    train(config_of(**TINY), run)
-    return run
 
 
 @contextmanager
