@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 from typing import Any
 
@@ -108,13 +107,6 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
     assert found["plain"] == found["described"] != found["changed"]
     beside.write_text("GAIN = 3.0\n")
     assert version(texts["plain"]) != found["plain"]
-
-
-def test_docstrings_are_left_out_and_other_text_stays() -> None:
-    tree = versions._tree("flexarm_agents.board.terms")
-    texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    assert "FlexArm/Square-v0" in texts
-    assert not any(text.startswith("The terms of the board") for text in texts)
 
 
 def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:

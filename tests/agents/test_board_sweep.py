@@ -40,28 +40,20 @@ VALUES = [0.0, 5.0, 30.0, 35.0, 60.0]
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "said"),
+    ("low", "high", "complete", "said"),
     [
-        (5.0, 60.0, "error doubled at 5 and below, 60 and above"),
-        (None, 60.0, "error doubled at 60 and above"),
-        (None, None, "never error doubled"),
+        (5.0, 60.0, None, "never lost; error doubled at 5 and below, 60 and above"),
+        (None, 60.0, None, "never lost; error doubled at 60 and above"),
+        (None, None, None, "never lost; never error doubled"),
+        (None, None, [], "lost everywhere"),
+        (None, None, [0.0, 5.0, 60.0], "lost at the nominal value; complete at 0 to 5, 60"),
     ],
 )
-def test_both_ends_of_what_fails_are_told(low: float | None, high: float | None, said: str) -> None:
-    ends = {"doubled": {"low": low, "high": high}, "lost": {"low": None, "high": None}, "complete": None}
-    assert sweep.fails(ends, VALUES) == f"never lost; {said}"
-
-
-@pytest.mark.parametrize(
-    ("complete", "said"),
-    [
-        ([], "lost everywhere"),
-        ([0.0, 5.0, 60.0], "lost at the nominal value; complete at 0 to 5, 60"),
-    ],
-)
-def test_a_nominal_loss_is_told(complete: list[float], said: str) -> None:
-    """It was "lost at 25 and below, 30 and above"."""
-    assert sweep.fails({"complete": complete}, VALUES) == said
+def test_where_an_axis_fails_is_told(
+    low: float | None, high: float | None, complete: list[float] | None, said: str
+) -> None:
+    ends = {"doubled": {"low": low, "high": high}, "lost": {"low": None, "high": None}, "complete": complete}
+    assert sweep.fails(ends, VALUES) == said
 
 
 def test_lost_laps_come_first_and_count() -> None:

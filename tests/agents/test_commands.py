@@ -52,19 +52,6 @@ def test_help_shows_every_verb_and_examples(capsys: Captured) -> None:
             assert re.sub(r"\W+", "", line) in re.sub(r"\W+", "", out)  # a line may be broken, or in a frame
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "has", "has_not"),
-    [("ppo", {"clip", "lags"}, {"buffer", "lstm"}), ("sac", {"buffer", "tau"}, {"clip", "lags", "quantiles"})],
-)
-def test_the_help_of_training_has_what_the_algorithm_has(
-    capsys: Captured, algorithm: str, has: set[str], has_not: set[str]
-) -> None:
-    assert status("train", "--algorithm", algorithm, "--help") == 0
-    shown = set(re.findall(r"^\W*--([a-z-]+)", capsys.readouterr().out, re.MULTILINE))
-    assert has <= shown
-    assert shown.isdisjoint(has_not)
-
-
 def test_descriptions_fit_into_the_terminal(capsys: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "70")
     assert status("leaderboard", "--help") == 0
