@@ -10,11 +10,12 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.environments import check_id, check_options, make_one
+from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_agents.policies.encoders import Array, Encoder, Memory
 from flexarm_baselines.lqg import adaptive, controller
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
 from flexarm_env.envs.bounds import modal_range
+from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.validation import choice
 
@@ -90,11 +91,9 @@ class Observer(Encoder):
     @cached_property
     def parts(self) -> Parts:
         """What it works with."""
-        env = make_one(self.environment, self.options)
-        one: Any = env.unwrapped
-        settings, blocks, scale = one.settings, one.observation_blocks, one.observation_scale
-        env.close()
+        settings = settings_of(self.environment, self.options)
         check_observed(settings)
+        layout = observation_layout(settings, settings.program)
         arm, period, delay = settings.flexible_arm, settings.control_period, max(settings.sensor_delays)
         if self.kind == "nominal":
             kalman = KalmanFilter(arm, period, delay, settings.sensor_position, controller.NOISE)
@@ -103,10 +102,10 @@ class Observer(Encoder):
             deviation, drift = {"delay": known.deviation}, {"delay": known.drift}
             position, noise = settings.sensor_position, adaptive.NOISE
             kalman = KalmanFilter(arm, period, delay, position, noise, deviation, drift)
-        seen = [n for name, part in blocks.items() if name not in FILTERED for n in range(part.start, part.stop)]
+        seen = [n for name, part in layout.blocks.items() if name not in FILTERED for n in range(part.start, part.stop)]
         modes = [modal_range(settings, rates).scale for rates in (False, True)]
         estimated = np.array([*[ERROR_SCALE] * 2, *[RATE_SCALE] * 2, *modes[0], *modes[1]])
-        return Parts(kalman, settings, blocks, scale, sorted(seen), estimated)
+        return Parts(kalman, settings, layout.blocks, layout.scale, sorted(seen), estimated)
 
     @property
     def size(self) -> int:  # type: ignore[override]

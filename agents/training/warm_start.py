@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents.environments import make_one
+from flexarm_agents.environments import settings_of
 from flexarm_agents.policies.encoders import PastReadings, past_readings
 from flexarm_agents.policies.load import load_policy
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.training.algorithms import PPOConfig
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.run_folder import RunFolder
-from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.observation import observation_layout
 from flexarm_env.validation import shown
 
 
@@ -50,13 +50,13 @@ def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
         raise ValueError(f"{name}: must be a fully connected network, as PPO and teaching make it")
     if not _alike(config.environment, config.options, trained.options, trained.environment):
         raise ValueError(f"{name}: was trained on {trained.environment} with another observation or action")
-    env = _env(config.environment, config.options)
+    settings = settings_of(config.environment, config.options)
+    blocks = observation_layout(settings, settings.program).blocks
     wanted = {
         "hidden": (tuple(len(bias) for bias in policy.biases[:-1]), config.hidden),
         "activation": (policy.activation, config.activation),
-        "lags": (policy.encoder, past_readings(config.lags, env.observation_blocks)),
+        "lags": (policy.encoder, past_readings(config.lags, blocks)),
     }
-    env.close()
     for field, (theirs, own) in wanted.items():
         if theirs != own:
             raise ValueError(f"{name}: its {field} must be {getattr(config, field)!r}, got {theirs!r}")
@@ -65,16 +65,8 @@ def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
 
 def _alike(environment: str, options: Mapping[str, Any], others: Mapping[str, Any], another: str | None = None) -> bool:
     """Return whether observations and actions mean the same with other options, or in another environment."""
-    pair = (_env(environment, options), _env(another or environment, others))
+    one, other = settings_of(environment, options), settings_of(another or environment, others)
+    layout, another_layout = (observation_layout(settings, settings.program) for settings in (one, other))
     names = ("frame", "previews", "action_mode", "action_limit")
-    one, other = ([env.observation_blocks, *(getattr(env.settings, name) for name in names)] for env in pair)
-    scale, another_scale = (env.observation_scale for env in pair)
-    for env in pair:
-        env.close()
-    return one == other and np.array_equal(scale, another_scale)
-
-
-def _env(environment: str, options: Mapping[str, Any]) -> FlexArmEnv:
-    env = make_one(environment, options).unwrapped
-    assert isinstance(env, FlexArmEnv)
-    return env
+    same = all(getattr(one, name) == getattr(other, name) for name in names)
+    return same and layout.blocks == another_layout.blocks and np.array_equal(layout.scale, another_layout.scale)
