@@ -149,41 +149,22 @@ class Store:
         put(path, lambda aside: aside.write_text(text))
 
 
-class Job(NamedTuple):
-    """Cells of one entry that are computed together, as any worker can make them again.
-
-    Attributes:
-        entry: the policy that is measured.
-        points: where.
-        keys: of the cells.
-    """
-
-    entry: Entry
-    points: tuple[Point, ...]
-    keys: tuple[str, ...]
-
-
-def jobs_of(cells: Sequence[Cell]) -> list[Job]:
+def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Put cells together by their entries, at most as many episodes as a batch has."""
     jobs = []
     for _, members in groupby(cells, lambda cell: cell.entry.source + repr(cell.entry)):
         own = list(members)
-        for some in shares([len(cell.point.episodes) for cell in own]):
-            chosen = [own[n] for n in some]
-            keys = tuple(cell.key for cell in chosen)
-            jobs.append(Job(chosen[0].entry, tuple(cell.point for cell in chosen), keys))
+        jobs += [[own[n] for n in some] for some in shares([len(cell.point.episodes) for cell in own])]
     return jobs
 
 
-def compute(job: Job) -> list[dict[str, Any]]:
-    """Compute the cells of a job.
+def compute(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Compute cells of one entry together.
 
     Raises:
         ValueError: if the code or the policy here is another than that for which the keys are.
     """
-    for point, key in zip(job.points, job.keys, strict=True):
-        if Cell.of(job.entry, point).key != key:
-            raise ValueError(
-                f"entry {job.entry.name}: this worker has other code or another policy than the sender of the job"
-            )
-    return run_points(job.entry, job.points)
+    entry = cells[0].entry
+    if any(Cell.of(entry, cell.point).key != cell.key for cell in cells):
+        raise ValueError(f"entry {entry.name}: this worker has other code or another policy than the sender of the job")
+    return run_points(entry, [cell.point for cell in cells])

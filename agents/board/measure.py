@@ -82,16 +82,15 @@ def measure(
     }
     wanted = [cell for own in cells.values() for column in own.values() for cell in column]
     missing = store.missing(wanted)
-    by_key = {cell.key: cell for cell in missing}
     jobs, failed = jobs_of(missing), []
     with progress(len(missing)) as bar:
         for n, outcome in where.run(compute, jobs) if jobs else ():
             if isinstance(outcome, BaseException):
-                failed.append(Failure(jobs[n].entry.name, outcome))
+                failed.append(Failure(jobs[n][0].entry.name, outcome))
             else:
-                for key, result in zip(jobs[n].keys, outcome, strict=True):
-                    store.write(by_key[key], result)
-            bar.update(len(jobs[n].keys))
+                for cell, result in zip(jobs[n], outcome, strict=True):
+                    store.write(cell, result)
+            bar.update(len(jobs[n]))
     whole = {
         entry.name: {name: list(map(store.read, column)) for name, column in cells[entry.name].items()}
         for entry in entries

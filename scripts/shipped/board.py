@@ -73,10 +73,9 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
 
 def _results(cells: Sequence[Cell], store: Store) -> list[dict[str, Any] | None]:
     """Return the results of cells in their order; those that the store lacks are computed and put there."""
-    by_key = {cell.key: cell for cell in cells}
     for job in jobs_of(store.missing(cells)):
-        for key, result in zip(job.keys, compute(job), strict=True):
-            store.write(by_key[key], result)
+        for cell, result in zip(job, compute(job), strict=True):
+            store.write(cell, result)
     return [store.read(cell) for cell in cells]
 
 

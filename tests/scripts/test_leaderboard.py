@@ -48,7 +48,7 @@ class Here:
             if n >= self.most:
                 yield n, OSError("killed")
             else:
-                self.points += [point.value for point in job.points]
+                self.points += [cell.point.value for cell in job]
                 yield n, function(job)
 
 
