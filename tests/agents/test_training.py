@@ -35,27 +35,27 @@ def test_a_second_signal_ends_at_once() -> None:
     assert not isinstance(caught.value, TrainingStopped)
 
 
-def test_another_thread_trains_without_handlers_and_the_threads_of_torch_stay(tmp_path: Path) -> None:
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        with ThreadPoolExecutor(1) as pool:
-            assert pool.submit(train, PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run").result()
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
+def test_another_thread_trains_without_handlers(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(train, PPOConfig(**{**TINY, "steps": 128}), tmp_path / "run").result()
 
 
 def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The number of torch's threads is left as it was."""
     assert not sys.stderr.isatty()
-    with caplog.at_level(logging.INFO, "flexarm_agents"):
-        train(PPOConfig(**TINY), tmp_path / "run", progress=True)
-    lines = [record.getMessage() for record in caplog.records]
-    assert len(lines) == 2
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with caplog.at_level(logging.INFO, "flexarm_agents"):
+            train(PPOConfig(**TINY), tmp_path / "run", progress=True)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    first, second = (record.getMessage() for record in caplog.records)
     early = r"lost after \d\.\d\d s: \w+"
     ended = rf"swing lap: {early}; plain lap: {early}; none with complete laps yet"
-    assert re.fullmatch(rf" +256 steps +\d+ s  {ended}", lines[0])
-    assert re.fullmatch(rf" +512 steps +\d+ s  {ended}", lines[1])
+    assert re.fullmatch(rf" +256 steps +\d+ s  {ended}", first)
+    assert re.fullmatch(rf" +512 steps +\d+ s  {ended}", second)
 
 
 def test_what_a_killed_process_left_of_a_file_does_not_count(tmp_path: Path) -> None:
