@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -26,24 +26,17 @@ ROUNDING = 1e-9  # of shares of a training
 _OF_THE_ENVIRONMENT = ("n_timesteps", "n_envs", "env_kwargs.max_episode_steps")
 
 
-@dataclass(frozen=True)
-class ValueFirst:
-    """A learning rate that has a level of its own while the value learns alone, before the schedule begins.
+def value_first(schedule: LinearSchedule, level: float, share: float, left: float) -> float:
+    """Return a learning rate that has a level of its own while the value learns alone, before the schedule begins.
 
-    Attributes:
+    Args:
         schedule: from the share of a training that is left to the rate.
         level: the rate before it.
         share: of the training, before it.
+        left: share of the training that is left.
     """
-
-    schedule: LinearSchedule
-    level: float
-    share: float
-
-    def __call__(self, left: float) -> float:
-        """Return the rate."""
-        rest = left / (1.0 - self.share)
-        return self.level if rest >= 1.0 - ROUNDING else self.schedule(rest)
+    rest = left / (1.0 - share)
+    return level if rest >= 1.0 - ROUNDING else schedule(rest)
 
 
 def hold_policy(model: BaseAlgorithm, held: bool) -> None:
@@ -128,5 +121,6 @@ def arguments(config: RewardConfig) -> dict[str, Any]:
         found["ent_coef"] = f"auto_{config.temperature}"
     found["learning_rate"] = rate = LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0)
     if isinstance(config, PPOConfig) and config.value_steps:
-        found["learning_rate"] = ValueFirst(rate, config.value_learning_rate, config.value_steps / config.steps)
+        share = config.value_steps / config.steps
+        found["learning_rate"] = partial(value_first, rate, config.value_learning_rate, share)
     return {**found, "policy_kwargs": policy}
