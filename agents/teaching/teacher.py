@@ -5,7 +5,7 @@ Its plans are for a box of plants: each standard lap, optimised for a grid of pa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -158,7 +158,7 @@ def bank(
     folder: Path,
     wishes: Mapping[str, Any],
 ) -> Bank:
-    """Make the plans that the folder does not hold yet, and return all.
+    """Make the plans that the folder does not hold yet, each from its neighbour's torques, and return all.
 
     Args:
         arm: nominal arm.
@@ -171,7 +171,13 @@ def bank(
         DivergingStartError: if the arm is so unlike the default arm that its plans are no start.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    plans = [plan for lap in LAPS for plan in _plans_of_lap(lap, arm, payloads, stiffnesses, folder, wishes)]
+    made: dict[tuple[str, int, int], Plan] = {}
+    for lap, p, s in product(LAPS, range(len(payloads)), range(len(stiffnesses))):
+        path = folder / f"{lap}-payload-{payloads[p]:g}-stiffness-{stiffnesses[s]:g}.npz"
+        problem = lap_problem(FlexibleArm(plant(arm, payloads[p], stiffnesses[s])), lap, **wishes)
+        neighbour = made.get((lap, p - 1, s)) or made.get((lap, p, s - 1)) or load_plan(f"default_{lap}")
+        made[lap, p, s] = _read(path, problem, wishes) or _make(path, problem, neighbour)
+    plans = list(made.values())
     grid = (len(LAPS), len(payloads), len(stiffnesses))
 
     def stack(arrays: list[Floats]) -> Floats:
@@ -190,25 +196,6 @@ def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters
     """Return an arm with another payload [kg], and with rigidities times a factor."""
     first, second = arm.flexural_rigidities
     return replace(arm, payload_mass=payload, flexural_rigidities=(stiffness * first, stiffness * second))
-
-
-def _plans_of_lap(
-    lap: str,
-    arm: ArmParameters,
-    payloads: Sequence[float],
-    stiffnesses: Sequence[float],
-    folder: Path,
-    wishes: Mapping[str, Any],
-) -> Iterator[Plan]:
-    """Yield the plans of a lap in the grid's order; each starts from its neighbour's torques."""
-    made: dict[tuple[int, int], Plan] = {}
-    for p, s in product(range(len(payloads)), range(len(stiffnesses))):
-        path = folder / f"{lap}-payload-{payloads[p]:g}-stiffness-{stiffnesses[s]:g}.npz"
-        own = FlexibleArm(plant(arm, payloads[p], stiffnesses[s]))
-        problem = lap_problem(own, lap, **wishes)
-        neighbour = made.get((p - 1, s)) or made.get((p, s - 1)) or load_plan(f"default_{lap}")
-        made[p, s] = _read(path, problem, wishes) or _make(path, problem, neighbour)
-        yield made[p, s]
 
 
 def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
