@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis import OperatingPoint, natural_modes
 from flexarm_env.parameters import CLAMPED_ONE_PERCENT, DampingModel
-from flexarm_env.physics.damping import clamped_ratio, material_time, unit_damping
-from tests.support.lagrange import arms, loaded_arm, random_states
+from flexarm_env.physics.damping import clamped_ratio, unit_damping
+from tests.support.lagrange import arms, loaded_arm
 from tests.support.refusals import refuses
 
 MODELS: tuple[DampingModel, ...] = ("modal", "material")
@@ -35,16 +35,6 @@ def test_the_ratio_is_that_of_the_free_arms_first_elastic_mode(model: DampingMod
 def test_other_shapes_have_nearly_the_same_ratio(model: DampingModel, modes: int, shapes: str) -> None:
     arm = ArmParameters(damping_ratio=0.01, damping_model=model, modes_per_link=modes, mode_shapes=shapes)  # type: ignore[arg-type]
     assert first_elastic_ratio(arm) == pytest.approx(0.01, rel=0.021)
-
-
-def test_material_damping_grows_with_the_frequency() -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=3, damping_ratio=0.01, damping_model="material"))
-    rates = np.linalg.eigvals(arm.linearise(np.zeros(2 * arm.size)).A)
-    elastic = rates[rates.imag > 1.0]
-    ratios, frequencies = -elastic.real / np.abs(elastic), np.abs(elastic)
-    expected = 0.01 * frequencies / unit_damping(arm.parameters).frequency
-    np.testing.assert_allclose(ratios, expected, rtol=1e-9)
-    assert ratios.max() > 10.0 * ratios.min()
 
 
 def test_the_linear_arms_clamped_modes_are_damped_by_one_percent() -> None:
@@ -83,19 +73,6 @@ def test_a_drawn_arm_is_damped_as_one_made_so(model: DampingModel, change: dict[
     np.testing.assert_allclose(drawn, FlexibleArm(made).constants.flat(), rtol=1e-10, atol=1e-14)
 
 
-@pytest.mark.parametrize("kinematics", ["linear", "foreshortened"])
-@pytest.mark.parametrize("model", MODELS)
-def test_damping_keeps_angular_momentum(model: DampingModel, kinematics: str) -> None:
-    """It is a force within the links: without friction and torque, angular momentum does not change at any state."""
-    changes = {"joint_friction": (0.0, 0.0), "damping_ratio": 0.3, "damping_model": model, "kinematics": kinematics}
-    arm = FlexibleArm(loaded_arm(2, **changes))
-    for state in random_states(arm.parameters, 3):
-        rate = np.concatenate([state[arm.size :], arm.acceleration(state)])
-        h = 1e-6
-        before, after = (float(arm.angular_momentum(state + sign * h * rate)) for sign in (-1.0, 1.0))
-        assert (after - before) / (2.0 * h) == pytest.approx(0.0, abs=1e-6 * abs(after) + 1e-4)
-
-
 def test_a_step_too_long_for_the_drawn_damping_is_refused() -> None:
     """Overdamped modes are faster than undamped ones."""
     arm = FlexibleArm(ArmParameters(modes_per_link=3, damping_model="material", damping_ratio=0.01))
@@ -103,10 +80,3 @@ def test_a_step_too_long_for_the_drawn_damping_is_refused() -> None:
     assert arm.longest_step() > 1e-3
     with refuses(ValueError, "step = 0.001", "too long"):
         arm.step(state, torque, damping=1.0)
-
-
-def test_damping_of_a_link_is_in_proportion_to_its_stiffness() -> None:
-    arm = FlexibleArm(loaded_arm(3, damping_model="material", mode_shapes="polynomial"))
-    beta = material_time(arm.parameters)
-    np.testing.assert_allclose(arm.constants.damping_1, beta * np.array(arm.constants.stiffness_1), rtol=1e-12)
-    np.testing.assert_allclose(arm.constants.damping_2, beta * np.array(arm.constants.stiffness_2), rtol=1e-12)

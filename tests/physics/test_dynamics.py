@@ -61,24 +61,6 @@ def test_mass_matrix_is_symmetric_and_positive_definite(parameters: ArmParameter
     assert np.linalg.eigvalsh(scale[:, None] * matrix * scale).min() > 1e-8
 
 
-@settings(max_examples=30)
-@given(parameters=arms(), seed=st.integers(0, 2**32 - 1), turn=st.floats(-10.0, 10.0))
-def test_only_the_shoulders_frame_knows_theta1(parameters: ArmParameters, seed: int, turn: float) -> None:
-    arm = FlexibleArm(parameters)
-    state = random_state(parameters, seed)
-    turned = state.copy()
-    turned[0] += turn
-    # theta1 + turn is rounded, and the elbow's angle is a difference of two such sums
-    close(arm.mass_matrix(turned[: arm.size]), arm.mass_matrix(state[: arm.size]), 1e-13)
-    close(arm.acceleration(turned, (7.0, -3.0)), arm.acceleration(state, (7.0, -3.0)), 1e-10)
-    # points turn with the arm
-    c, s = np.cos(turn), np.sin(turn)
-    rotation = np.array([[c, -s], [s, c]])
-    np.testing.assert_allclose(
-        arm.tip(turned[: arm.size]), rotation @ arm.tip(state[: arm.size]), atol=1e-13 * parameters.reach
-    )
-
-
 # --- the rigid arm ----------------------------------------------------------------------------------------------------
 
 
@@ -96,20 +78,6 @@ def rigid_two_link(p: ArmParameters, theta2: float, rates: np.ndarray) -> tuple[
     w1, w2 = rates
     forces = moment * l1 * np.sin(theta2) * np.array([-(2.0 * w1 + w2) * w2, w1**2])
     return mass, forces
-
-
-def test_rigid_block_is_the_textbooks_arm() -> None:
-    arm = FlexibleArm(loaded_arm(2))
-    q = np.zeros(arm.size)
-    for theta2 in np.linspace(-3.0, 3.0, 7):
-        q[1] = theta2
-        mass, _ = rigid_two_link(arm.parameters, theta2, np.zeros(2))
-        close(arm.mass_matrix(q)[:2, :2], mass, 1e-14)  # a few roundings
-        # undeflected and without modal rates, the complete velocity forces' joint rows are the rigid arm's too
-        rates = np.zeros(arm.size)
-        rates[:2] = 1.7, -2.9
-        _, forces = rigid_two_link(arm.parameters, theta2, rates[:2])
-        close(arm.velocity_forces(q, rates)[:2], forces, 1e-13)
 
 
 @pytest.mark.parametrize("modes", MODES)

@@ -30,18 +30,6 @@ ROUNDING = 1e-14
 # --- the square ---------------------------------------------------------------------------------------------
 
 
-def test_the_papers_lap() -> None:
-    """12.6 m x 12.6 m from the lower left corner, clockwise, 4 s a side at 3.15 m/s."""
-    corners = [CORNERS[name] for name in (*CLOCKWISE, "lower left")]
-    np.testing.assert_array_equal(PAPER.position([0.0, 4.0, 8.0, 12.0, 16.0]), corners)
-    np.testing.assert_allclose(
-        PAPER.position([2.0, 6.0, 10.0, 14.0]), [(-6.3, 0.0), (0.0, 6.3), (6.3, 0.0), (0.0, -6.3)], atol=ROUNDING
-    )
-    velocities = PAPER.velocity([2.0, 6.0, 10.0, 14.0])
-    np.testing.assert_allclose(velocities, [(0.0, 3.15), (3.15, 0.0), (0.0, -3.15), (-3.15, 0.0)], rtol=ROUNDING)
-    assert PAPER.lap_time == 16.0
-
-
 @pytest.mark.parametrize("direction", get_args(Direction))
 @pytest.mark.parametrize("start", get_args(Corner))
 def test_start_corner_and_direction(start: Corner, direction: Direction) -> None:

@@ -32,21 +32,13 @@ class AnyArm:
     """
 
     def __init__(self, arm: Plant, settings: Settings) -> None:
-        """Take an arm that is where the episode begins.
-
-        Raises:
-            ValueError: for a sensor that is not at the end of link 2, or an integration step that `HELD` does not
-                divide.
-        """
+        """Take an arm that is where the episode begins."""
         own = settings.flexible_arm
-        if settings.sensor != "true" or settings.sensor_position != own.parameters.link_lengths[1]:
-            raise ValueError(
-                f"settings: the sensor must read the end of link 2, got sensor = {settings.sensor!r} at "
-                f"{settings.sensor_position} m"
-            )
+        end = settings.sensor, settings.sensor_position
+        assert end == ("true", own.parameters.link_lengths[1]), "the sensor must read the end of link 2"
         self._periods = round(settings.control_period / settings.substeps / HELD)
-        if not np.isclose(self._periods * HELD * settings.substeps, settings.control_period):
-            raise ValueError(f"settings: their physics step must be a multiple of {HELD} s")
+        whole = np.isclose(self._periods * HELD * settings.substeps, settings.control_period)
+        assert whole, f"the physics step must be a multiple of {HELD} s"
         self._arm, self._settings, self._gauges = arm, settings, Gauges(own)
         self._tips: list[Array] = []
         self.torque = np.zeros(2)
@@ -57,14 +49,7 @@ class AnyArm:
         return np.concatenate(tips)
 
     def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
-        """See `envs.hosted.Plant.begin`.
-
-        Raises:
-            ValueError: if the arm is somewhere else.
-        """
-        joints = self._arm.look().joints
-        if not np.allclose(joints, state[:2], atol=1e-9):
-            raise ValueError(f"arm: must be at {state[:2]} rad, where the episode begins, is at {joints}")
+        assert np.allclose(self._arm.look().joints, state[:2], atol=1e-9), "the arm must be where the episode begins"
 
     def advance(self, command: Array, reference: Four | None) -> Array:
         self.torque = np.array(command)

@@ -57,8 +57,8 @@ class Lap(NamedTuple):
     @property
     def miss(self) -> Array:
         """The distance from the reference at each control instant [m]. Shape (k + 1,)."""
-        times = HELD * PERIODS * np.arange(len(self.torque) + 1)
-        return apart(self.tip[::PERIODS], square(SquareParameters()).position(times))
+        at = self.tip[::PERIODS]
+        return apart(at, square(SquareParameters()).position(HELD * PERIODS * np.arange(len(at))))
 
     @property
     def score(self) -> float:
@@ -99,18 +99,11 @@ def away(tip: Array, other: Array) -> Away:
     return Away(rms(found), float(found.max()), rms(found[round(SETTLED / HELD) :]))
 
 
-class Period(NamedTuple):
-    """A control period."""
-
-    torque: Array  # that acted [N m]. Shape (2,)
-    tip: Array  # after each `HELD` of it [m]. Shape (n, 2)
-
-
 class Controller(Protocol):
     """Drives an arm."""
 
-    def begin(self, plant: Plant) -> Callable[[], Period]:
-        """Take an arm at rest on the first corner; return a function that does the next control period."""
+    def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
+        """Take an arm at rest on the first corner; return what does a control period: torque, tip after each `HELD`."""
 
 
 def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] = (), seconds: float = SECONDS) -> Lap:
@@ -135,19 +128,19 @@ class Hosted:
         """Make it for a lap; its name is the board's."""
         self._entry, self._lap = Entry(source), lap
 
-    def begin(self, plant: Plant) -> Callable[[], Period]:
+    def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
         policy = self._entry.candidate(fresh=not self._entry.batched).policy
         env = HostedEnv(plant, **self._entry.interface)
         predict = predictor(policy, deterministic=True)
         seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))
         memory, start = None, np.ones(1, dtype=bool)
 
-        def do_period() -> Period:
+        def do_period() -> tuple[Array, Array]:
             nonlocal seen, memory, start
             action, memory = predict(seen, memory, start)
             start = np.zeros(1, dtype=bool)
             seen = env.step(action)[0]
-            return Period(env.host.torque, env.host.taken())
+            return env.host.torque, env.host.taken()
 
         return do_period
 
@@ -161,12 +154,12 @@ class Regulator:
         self._regulator = PlanRegulator(self.plan, weights)
         self._gauges = Gauges(self.plan.arm)
 
-    def begin(self, plant: Plant) -> Callable[[], Period]:
+    def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
         times = (n * HELD * PERIODS for n in count())
 
-        def do_period() -> Period:
+        def do_period() -> tuple[Array, Array]:
             torque = self._regulator.torque(next(times), self._gauges.state(plant.bend()))
-            return Period(torque, plant.advance(torque, PERIODS))
+            return torque, plant.advance(torque, PERIODS)
 
         return do_period
 

@@ -15,10 +15,10 @@ import pytest
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.parameters import Kinematics, ModeShapes
 from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
+from tests.validation.motion import Model
 from tests.validation.small_motion import rate
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
@@ -37,23 +37,19 @@ FLOOR = 1e-13  # below it, rounding; for the picture
 class Case(NamedTuple):
     """One run."""
 
-    modes: int
+    model: Model
     start: str
     step: float
-    kinematics: Kinematics = "linear"
-    shapes: ModeShapes = "cantilever"
     damping: float = 0.0
 
     @property
     def label(self) -> str:
         """The arm in words."""
-        kind = "" if self.kinematics == "linear" else f"{self.kinematics}, "
-        return f"{kind}{self.modes} {'polynomial' if self.shapes == 'polynomial' else 'mode'}{'s' * (self.modes > 1)}"
+        return self.model.label.removeprefix("linear, ")
 
     def arm(self) -> FlexibleArm:
         """Build the arm."""
-        fields = {"damping_ratio": self.damping, "kinematics": self.kinematics, "mode_shapes": self.shapes}
-        return FlexibleArm(ArmParameters.linear(modes_per_link=self.modes, **fields))
+        return FlexibleArm(ArmParameters.linear(damping_ratio=self.damping, **self.model._asdict()))
 
 
 class Drift(NamedTuple):
@@ -65,24 +61,18 @@ class Drift(NamedTuple):
     bound: float  # part of the energy that is lost if all of it vibrates at that rate
 
 
-FORESHORTENED: list[tuple[int, ModeShapes, tuple[str, ...], tuple[float, ...]]] = [
-    (2, "cantilever", (BENT, BOTH), (5e-4, 2.5e-4)),
-    (2, "polynomial", (BENT, BOTH), (5e-4, 2.5e-4)),
-    (3, "cantilever", (BOTH,), (2.5e-4, 1.25e-4)),
-]
-UNDAMPED = [
-    *(Case(m, start, step) for m in (1, 2) for start in STARTS for step in STEPS),
+TRIED: list[tuple[Model, tuple[str, ...], tuple[float, ...]]] = [
+    (Model("linear", 1), STARTS, STEPS),
+    (Model("linear", 2), STARTS, STEPS),
     # 3 and 4 modes, whose fastest rates ask for shorter steps: one start, two steps
-    *(Case(3, BOTH, step) for step in (2.5e-4, 1.25e-4)),
-    *(Case(4, BOTH, step) for step in (1.25e-4, 6.25e-5)),
-    *(
-        Case(m, a, h, "foreshortened", shapes)
-        for m, shapes, starts, steps in FORESHORTENED
-        for a in starts
-        for h in steps
-    ),
+    (Model("linear", 3), (BOTH,), (2.5e-4, 1.25e-4)),
+    (Model("linear", 4), (BOTH,), (1.25e-4, 6.25e-5)),
+    (Model("foreshortened", 2), (BENT, BOTH), (5e-4, 2.5e-4)),
+    (Model("foreshortened", 2, "polynomial"), (BENT, BOTH), (5e-4, 2.5e-4)),
+    (Model("foreshortened", 3), (BOTH,), (2.5e-4, 1.25e-4)),
 ]
-DAMPED = Case(2, BOTH, 1e-3, damping=ArmParameters.linear().damping_ratio)
+UNDAMPED = [Case(model, start, step) for model, starts, steps in TRIED for start in starts for step in steps]
+DAMPED = Case(Model("linear", 2), BOTH, 1e-3, damping=ArmParameters.linear().damping_ratio)
 # where the bound, 10 % or less, says something
 BOUNDED = [
     ("1 mode", 1e-3),

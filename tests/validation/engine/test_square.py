@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexarm_env import ArmParameters, SquareParameters, square
+from flexarm_env import ArmParameters
 from flexarm_env.extras import install_command
-from flexarm_env.laps import SETTLED
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
@@ -23,12 +22,12 @@ from scripts.common.plotting import INK, THRESHOLD, WIDTH, headline, plain_ticks
 from tests.validation import laws
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.engine.pictures import LINES, smoothed
+from tests.validation.laps import Lap, away
 from tests.validation.motion import HELD, Model, apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
 Array = NDArray[np.float64]
-SAMPLED = 10  # `HELD` in a control period; the score counts these instants
 MODELS = (
     Model("linear", 1),
     Model("linear", 2),
@@ -49,7 +48,7 @@ def tips() -> dict[str, dict[str, Array]]:
     return found | {m.label: laws.on_model(ArmParameters.linear(damping_ratio=0.0, **m._asdict())) for m in MODELS}
 
 
-def away(name: str, law: str) -> Array:
+def from_chain(name: str, law: str) -> Array:
     """Return the distance of an arm's tip from the extrapolated chain's [m]. Shape (n,)."""
     return apart(tips()[name][law], tips()["chain"][law])
 
@@ -57,7 +56,7 @@ def away(name: str, law: str) -> Array:
 test_checks = checked(
     Check(
         "the square: the finer chain from the extrapolated one",
-        lambda: 1e3 * max(rms(away(f"chain, {laws.ELEMENTS[1]} elements", law)) for law in laws.LAWS),
+        lambda: 1e3 * max(rms(from_chain(f"chain, {laws.ELEMENTS[1]} elements", law)) for law in laws.LAWS),
         "a choice: half of the 10 mm that the validity range allows a model",
         "mm",
         most=5.0,
@@ -67,15 +66,11 @@ test_checks = checked(
 
 def test_table(page: Page) -> None:
     """Distances from the chain, and the score as the benchmark has it, every 10 ms."""
-    rows, settled = [], round(SETTLED / HELD) // SAMPLED
+    rows, chain = [], tips()["chain"]
     for name, found in tips().items():
         for law in laws.LAWS:
-            tip = found[law][: len(tips()["chain"][law])]
-            reference = square(SquareParameters()).position(HELD * np.arange(len(tip)))
-            miss = apart(tip, reference)[::SAMPLED]
-            figures = {"rms": rms(away(name, law)), "maximum": away(name, law).max()}
-            figures |= {"score": rms(miss), "score_after_2s": rms(miss[settled:])}
-            mm = {what: 1e3 * value for what, value in figures.items()}
+            lap, off = Lap(found[law][: len(chain[law])], np.empty((0, 2)), []), away(found[law], chain[law])
+            mm = {"rms": off.rms, "maximum": off.maximum, "score": lap.score, "score_after_2s": lap.score_after_2s}
             page.quote({f"square, {law}, {name}, {what}": value for what, value in mm.items() if value})
             short = [f"{x:.2g}" if x < 100.0 else f"{x:.0f}" for x in (mm["rms"], mm["maximum"])]
             distance = "" if name == "chain" else " / ".join(short)
@@ -93,7 +88,7 @@ def test_picture(page: Page) -> None:
         path.set(title=f"{title}: the chain's tip", aspect="equal", xlabel="x [m]")
         for m in MODELS:
             if m in LINES:
-                found = smoothed(away(m.label, law))
+                found = smoothed(from_chain(m.label, law))
                 text, colour = LINES[m]
                 error.semilogy(HELD * np.arange(len(found)), found, color=colour, linewidth=1.6, label=text)
         error.set(xlabel="time [s]", ylim=(0.1, 2e3))
