@@ -40,11 +40,6 @@ def test_a_policys_run_survives_saving(default: FlexibleArm, tmp_path: Path) -> 
     assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
 
 
-def test_arrays_of_another_length_are_refused(default: FlexibleArm) -> None:
-    with refuses(ValueError, "reward: has shape (2,), time has 3 instants"):
-        default.record(np.arange(3.0), np.zeros((3, 12)), np.zeros((3, 2)), reward=np.zeros(2))
-
-
 def test_other_files_are_refused(tmp_path: Path) -> None:
     reasons = {
         "text": "not a saved Trajectory (",
