@@ -154,7 +154,7 @@ class Symbol(ABC):
     """A number of another kind than floats and arrays; the functions of this module ask it what they give.
 
     Attributes:
-        rank: of symbols of two kinds in one call, that of the higher rank is asked.
+        rank: of two kinds of symbols in one call, the one of higher rank dispatches.
     """
 
     __slots__ = ()

@@ -31,7 +31,7 @@ from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
-from flexarm_env.kernels.layout import beginning_sizes
+from flexarm_env.kernels.layout import sizes_between
 from flexarm_env.kernels.states import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
@@ -191,9 +191,9 @@ class BatchSimulator(LaneBatch):
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
 
-    def beginnings(self) -> Array:
-        """Return what describes the present episodes (`layout.beginning_sizes`) in a new array. Shape (N, k)."""
-        return self._get("EPISODE", sum(beginning_sizes(self._rows).values()))
+    def episode_data(self) -> Array:
+        """Return the rows that describe the present episodes, EPISODE to BRANCH, in a new array. Shape (N, k)."""
+        return self._get("EPISODE", sum(sizes_between(self._rows, "EPISODE", "BRANCH").values()))
 
     def path_names(self) -> NDArray[np.str_]:
         """Return the names of the paths that the environments follow. Shape (N,)."""

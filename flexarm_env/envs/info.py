@@ -153,7 +153,7 @@ class Episode(NamedTuple):
 
 def episodes(simulator: BatchSimulator) -> Episode:
     """Describe the present episodes of a batch."""
-    numbers = simulator.beginnings()
+    numbers = simulator.episode_data()
     return Episode(
         parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
         path=simulator.path_names(),

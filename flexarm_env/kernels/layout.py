@@ -31,7 +31,7 @@ OUTPUTS = sum(OUTPUT_SIZES)  # how many numbers
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
-    """Return how many numbers its elimination is; none where it does not apply."""
+    """Return the size of the elimination's data; 0 where it does not apply."""
     return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
 
 
@@ -257,7 +257,7 @@ class Row(Names):
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 
-    # what describes an episode (`beginning_sizes`), then what is reported (`result_sizes`)
+    # what describes an episode (EPISODE to BRANCH), then what is reported (`result_sizes`)
     EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
@@ -293,11 +293,6 @@ def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> di
     """Return the sizes of the parts of an arena from one to another, in their order."""
     names = list(rows)
     return {name: rows[name][1] for name in names[names.index(first) : names.index(last) + 1]}
-
-
-def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """Return the sizes of what describes an episode from its start; these parts are consecutive in the arena."""
-    return sizes_between(rows, "EPISODE", "BRANCH")
 
 
 def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:

@@ -18,7 +18,7 @@ MOST_NUMBERS = 500_000_000  # of the states of a rollout, which then take 4 GB
 
 
 class Rollout(NamedTuple):
-    """What arms did over n control periods.
+    """States and torques of arms over n control periods.
 
     Attributes:
         states: at the start and after each period. Shape (..., n + 1, 4 + 4 m).
@@ -30,7 +30,7 @@ class Rollout(NamedTuple):
 
 
 class FeedbackTorque(HeldTorque):
-    """What an arm does over many control periods under linear feedback."""
+    """The discrete model of an arm under linear feedback, over many control periods."""
 
     def rollout(
         self,

@@ -71,7 +71,7 @@ class Arms(NamedTuple):
 
     Attributes:
         leading: axes of the results.
-        states: public. Shape (n, 4 + 4 m).
+        states: public, new. Shape (n, 4 + 4 m).
         inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
     """
 
@@ -79,9 +79,18 @@ class Arms(NamedTuple):
     states: Array
     inputs: tuple[Array, Array]
 
+    @property
+    def lanes(self) -> int:
+        """Of a block that suits their number."""
+        return 1 if len(self.states) == 1 else LANES
+
+    def shaped(self, results: Array) -> Array:
+        """Give results, one for each arm, the leading axes."""
+        return results.reshape(*self.leading, *results.shape[1:])
+
 
 class HeldTorque(ABC):
-    """What an arm does over a control period with its torques held."""
+    """The discrete model of an arm: one control period under held torques."""
 
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
@@ -126,8 +135,11 @@ class HeldTorque(ABC):
         Raises:
             ValueError: for bad input; a step too long is refused with the longest that is allowed.
         """
-        batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.advance(*self._steps(period, step, stiffness, damping))
+        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping))
+        h, steps = self._steps(period, step, stiffness, damping)
+        module, arena = self._kernels(TANGENTS, arms.lanes)
+        cache.call(module.run_steps, arena, arms.inputs[0], torques, h, steps, arms.states)
+        return arms.shaped(arms.states)
 
     def step_jacobians(
         self,
@@ -141,8 +153,13 @@ class HeldTorque(ABC):
         damping: ArrayLike | None = None,
     ) -> StepJacobians:
         """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
-        batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.differentiate(*self._steps(period, step, stiffness, damping))
+        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping))
+        h, steps = self._steps(period, step, stiffness, damping)
+        count, size = arms.states.shape
+        jacobians = tuple(np.empty((count, size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
+        module, arena = self._kernels(TANGENTS, arms.lanes)
+        cache.call(module.run_tangents, arena, *arms.inputs, torques, h, steps, arms.states, jacobians)
+        return StepJacobians(*map(arms.shaped, (arms.states, *jacobians)))
 
     def step_gradients(
         self,
@@ -174,8 +191,14 @@ class HeldTorque(ABC):
             ValueError: see `step`.
         """
         given = finite_rows("weights", weights, 4 * self.parameters.modes_per_link + 4)
-        batch = self._batch(state, torque, (payload_mass, stiffness, damping), weights=given.shape[:-1])
-        return batch.pull_back(_rows(given, batch.leading), *self._steps(period, step, stiffness, damping))
+        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping), weights=given.shape[:-1])
+        h, steps = self._steps(period, step, stiffness, damping)
+        count, size = arms.states.shape
+        gradients = np.empty((count, size)), np.empty((count, 2))
+        module, arena = self._kernels(GRADIENTS, arms.lanes)
+        known = arena, aligned_zeros(trail_rows(size // 2, steps) * arms.lanes), arms.inputs[0], torques
+        cache.call(module.run_gradients, *known, h, steps, arms.states, _rows(given, arms.leading), gradients)
+        return StepGradients(*map(arms.shaped, gradients))
 
     @cached_property
     def changes(self) -> ConstantChanges:
@@ -224,17 +247,17 @@ class HeldTorque(ABC):
             known = np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
         return known, self.changes.derivatives(quantities).reshape(len(quantities), -1)
 
-    def _batch(
+    def _driven(
         self,
         state: ArrayLike,
         torque: ArrayLike,
         quantities: tuple[ArrayLike | None, ...],
         **others: tuple[int, ...],
-    ) -> _Batch:
-        """Check the arguments, broadcast their leading axes and others', and bring all to the kernels' form."""
+    ) -> tuple[Arms, Array]:
+        """`_arms`, and the torque of each [N m]. Shape (n, 2)."""
         torques = finite_rows("torque", torque, 2, LARGEST)
         arms = self._arms(state, {"torque": torques.shape[:-1], **others}, quantities)
-        return _Batch(self, arms.leading, arms.states, _rows(torques, arms.leading), arms.inputs)
+        return arms, _rows(torques, arms.leading)
 
     def _arms(
         self, state: ArrayLike, others: Mapping[str, tuple[int, ...]], quantities: tuple[ArrayLike | None, ...]
@@ -300,51 +323,3 @@ def _quantity(name: str, unit: str, value: ArrayLike) -> Array:
         bad = float(array[~inside].ravel()[0])
         raise ValueError(f"{name} = {bad!r}: must be a number from {least:g} to {most:g} [{unit}]")
     return array
-
-
-class _Batch(NamedTuple):
-    """`Arms` with their torques.
-
-    Attributes:
-        arm: the kind of arm.
-        leading: see `Arms`.
-        states: see `Arms`.
-        torques: [N m]. Shape (n, 2).
-        inputs: see `Arms`.
-    """
-
-    arm: HeldTorque
-    leading: tuple[int, ...]
-    states: Array
-    torques: Array
-    inputs: tuple[Array, Array]
-
-    def advance(self, h: float, steps: int) -> Array:
-        """See `FlexibleArm.step`."""
-        states = self.states.copy()
-        module, arena = self.arm._kernels(TANGENTS, self._lanes)
-        cache.call(module.run_steps, arena, self.inputs[0], self.torques, h, steps, states)
-        return states.reshape(*self.leading, states.shape[1])
-
-    def differentiate(self, h: float, steps: int) -> StepJacobians:
-        """See `FlexibleArm.step_jacobians`."""
-        states, size = self.states.copy(), self.states.shape[1]
-        jacobians = tuple(np.empty((len(states), size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
-        module, arena = self.arm._kernels(TANGENTS, self._lanes)
-        cache.call(module.run_tangents, arena, *self.inputs, self.torques, h, steps, states, jacobians)
-        shaped = (jacobian.reshape(*self.leading, *jacobian.shape[1:]) for jacobian in jacobians)
-        return StepJacobians(states.reshape(*self.leading, size), *shaped)
-
-    def pull_back(self, weights: Array, h: float, steps: int) -> StepGradients:
-        """See `FlexibleArm.step_gradients`; a row of weights for each arm."""
-        count, size = self.states.shape
-        gradients = np.empty((count, size)), np.empty((count, 2))
-        module, arena = self.arm._kernels(GRADIENTS, self._lanes)
-        trail = aligned_zeros(trail_rows(size // 2, steps) * self._lanes)
-        known, moved = (arena, trail, self.inputs[0]), (self.states, weights)
-        cache.call(module.run_gradients, *known, self.torques, h, steps, *moved, gradients)
-        return StepGradients(*(found.reshape(*self.leading, found.shape[1]) for found in gradients))
-
-    @property
-    def _lanes(self) -> int:
-        return 1 if len(self.states) == 1 else LANES

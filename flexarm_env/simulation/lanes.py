@@ -173,18 +173,18 @@ class LaneBatch(ABC):
 
     def _run(self) -> Array:
         """One control period, and the starts that are marked; what is known then, in a new array. Shape (N, k)."""
-        told = np.empty((self._results.stop - self._results.start, self._blocks * self._variant.lanes))
+        results = np.empty((self._results.stop - self._results.start, self._blocks * self._variant.lanes))
         if self._threads == 1:
-            self._kernel(self._memory, 0, self._blocks, told)
+            self._kernel(self._memory, 0, self._blocks, results)
         else:
             if self._pool is None or self._process != os.getpid():  # a forked child does not have its parent's threads
                 self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
-            for _ in self._pool.map(partial(self._step_share, told), self._edges[:-1], self._edges[1:]):
+            for _ in self._pool.map(partial(self._step_share, results), self._edges[:-1], self._edges[1:]):
                 pass
-        return told[:, : self.count].T
+        return results[:, : self.count].T
 
-    def _step_share(self, told: Array, low: int, high: int) -> None:
-        self._kernel(self._memory, low, high, told)
+    def _step_share(self, results: Array, low: int, high: int) -> None:
+        self._kernel(self._memory, low, high, results)
 
     def close(self) -> None:
         """Let go of the threads."""

@@ -28,12 +28,12 @@ def test_the_drivers_give_them_in_plain_python(modes: int, options: dict[str, An
     h, size = min(1e-3, 0.9 * arm.longest_step()), 2 * arm.size
     state, torque, drawn = random_state(arm.parameters, 1), np.array([20.0, -7.0]), np.array([0.7, 1.2, 0.03])
     weights = np.random.default_rng(0).normal(size=size)
-    batch = arm._batch(state, torque, tuple(drawn))
+    arms, torques = arm._driven(state, torque, tuple(drawn))
     variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=arm.constants.foreshortened)
     found = np.zeros((1, size)), np.zeros((1, 2))
     with plain_python(variant):
         arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(arm.size, STEPS), 1))
-        run_gradients(arena, trail, batch.inputs[0], batch.torques, h, STEPS, batch.states, weights[None], found)
+        run_gradients(arena, trail, arms.inputs[0], torques, h, STEPS, arms.states, weights[None], found)
     by_state = jacobian(lambda x: stepped(arm, x, torque, drawn, h, STEPS), state)
     by_torque = jacobian(lambda tau: stepped(arm, state, tau, drawn, h, STEPS), torque)
     for own, exact in zip(found, (weights @ by_state, weights @ by_torque), strict=True):

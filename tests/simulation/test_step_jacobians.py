@@ -106,12 +106,12 @@ def test_one_arm_alone_is_the_same_to_the_last_bit(case: Case) -> None:
 def test_the_drivers_give_them_in_plain_python(options: dict[str, Any]) -> None:
     """Nothing is compiled; the recorded kernels round their sums with products twice."""
     case = Case(1, options)
-    batch = case.arm._batch(case.states[0], case.torques[0], (0.7, 1.2, 0.03))
+    arms, torques = case.arm._driven(case.states[0], case.torques[0], (0.7, 1.2, 0.03))
     variant = Variant(TANGENTS, 1, case.arm._complete, 1, foreshortened=case.arm.constants.foreshortened)
-    states, jacobians = batch.states.copy(), tuple(np.zeros((1, 8, columns)) for columns in (8, 2, 3))
+    states, jacobians = arms.states.copy(), tuple(np.zeros((1, 8, columns)) for columns in (8, 2, 3))
     with plain_python(variant):
         arena = np.zeros((extent(variant.rows), 1))
-        run_tangents(arena, *batch.inputs, batch.torques, case.h, case.steps, states, jacobians)
+        run_tangents(arena, *arms.inputs, torques, case.h, case.steps, states, jacobians)
     at = case.states[0], case.torques[0], np.array([0.7, 1.2, 0.03])
     np.testing.assert_allclose(states[0], np.real(stepped(case.arm, *at, case.h, case.steps)), rtol=1e-12)
     for place, found in enumerate(jacobians):
