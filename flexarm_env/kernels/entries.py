@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ class Shape(NamedTuple):
     @property
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
-        return constant_count(self.modes, self.foreshortened)
+        return linear_algebra.extent(Constants.sizes(self.modes, self.foreshortened))
 
     @property
     def pairs(self) -> int:
@@ -65,13 +66,7 @@ class Shape(NamedTuple):
         return self.foreshortened * self.modes * (self.modes + 1) // 2
 
 
-def constant_count(modes: int, foreshortened: bool) -> int:
-    """Return how many numbers the constants of an arm are."""
-    return linear_algebra.extent(Constants.sizes(modes, foreshortened))
-
-
-def _constants(shape: Shape) -> int:
-    return shape.constants
+_constants = attrgetter("constants")
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:

@@ -16,6 +16,7 @@ which rows its arenas have:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
@@ -61,54 +62,11 @@ def slope_sizes(modes: int) -> dict[str, int]:
     }
 
 
-def _size(shape: Shape) -> int:
-    return shape.size
-
-
-def _elimination(shape: Shape) -> int:
-    return elimination_count(shape.modes, shape.foreshortened)
-
-
-def _slots(shape: Shape) -> int:
-    return STAGES * shape.size
-
-
-def _pairs(shape: Shape) -> int:
-    return shape.pairs
-
-
-def _modes(shape: Shape) -> int:
-    return shape.modes
-
-
-def _sensors(shape: Shape) -> int:
-    return len(shape.sensors)
-
-
-def _readings(shape: Shape) -> int:
-    return shape.further_readings
-
-
-def _positions(shape: Shape) -> int:
-    return 2 * shape.further_points
-
-
-def _changes(shape: Shape) -> int:
-    return len(ARM_QUANTITIES) * shape.constants
-
-
-def _slopes(shape: Shape) -> int:
-    return len(RK4_NODES) * sum(slope_sizes(shape.modes).values())
-
-
-def _columns(shape: Shape) -> int:
-    return len(slope_ways(shape.modes)) * 2 * shape.size
-
-
 def _law(field: str) -> Callable[[Shape], int]:
     return lambda shape: Law.sizes(shape.modes, shape.foreshortened)[field]
 
 
+_size, _modes, _pairs, _readings = map(attrgetter, ("size", "modes", "pairs", "further_readings"))  # of a `Shape`
 _MEASURED = ("environment", "outputs")
 _LAW = ("law",)
 _TRACKING = ("tracking",)
@@ -129,7 +87,11 @@ class Row(Names):
     P = Entry("generalised momenta M(y) v, as the latest step left them", "N m s, N s", _size)
     FORCE = Entry("their rates of change without the motors' part", "N m, N", _size)
     CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
-    ELIMINATION = Entry("what follows from them (`Elimination`)", "as in `Elimination`", _elimination)
+    ELIMINATION = Entry(
+        "what follows from them (`Elimination`)",
+        "as in `Elimination`",
+        lambda s: elimination_count(s.modes, s.foreshortened),
+    )
 
     GAIN = Entry("gain lambda of the paper's law", "1", _law("gain"), _LAW)
     GAIN_LIMIT = Entry("gain of the action 1", "1", 1, _LAW)
@@ -156,16 +118,29 @@ class Row(Names):
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
     TAU = Entry("torques of shoulder and elbow at the present step", "N m", 2)
-    V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, m/s", _slots, _LAW)
-    MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
-    FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
+    V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, m/s", lambda s: STAGES * s.size, _LAW)
+    MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, m/s^2", lambda s: STAGES * s.size, _LAW)
+    FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", lambda s: STAGES * s.size, _LAW)
 
-    CHANGES = Entry("derivatives of CONSTANTS by each quantity", CONSTANTS_UNIT + ", per unit", _changes, _TANGENTS)
+    CHANGES = Entry(
+        "derivatives of CONSTANTS by each quantity",
+        CONSTANTS_UNIT + ", per unit",
+        lambda s: len(ARM_QUANTITIES) * s.constants,
+        _TANGENTS,
+    )
     FORCE_STAGE = Entry("FORCE of the stage", "N m, N", _size, _TANGENTS)
     TOTAL = Entry("weighted sum of the rates of Y and P", "as of V and FORCE", lambda s: 2 * s.size, _TANGENTS)
-    SLOPES = Entry("derivatives of the stages (`slope_sizes`)", "per unit", _slopes, _TANGENTS)
+    SLOPES = Entry(
+        "derivatives of the stages (`slope_sizes`)",
+        "per unit",
+        lambda s: len(RK4_NODES) * sum(slope_sizes(s.modes).values()),
+        _TANGENTS,
+    )
     COLUMNS = Entry(
-        "derivatives of Y and P (at a period's ends, of Y and V) by each input", "per unit", _columns, _TANGENTS
+        "derivatives of Y and P (at a period's ends, of Y and V) by each input",
+        "per unit",
+        lambda s: len(slope_ways(s.modes)) * 2 * s.size,
+        _TANGENTS,
     )
 
     GRADIENT = Entry("derivatives of a sum by Y and P", "per unit", lambda s: 2 * s.size, _ADJOINT)
@@ -238,8 +213,8 @@ class Row(Names):
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
     END_TORQUE = Entry("torque of the latest step's last stage under the joint-space law", "N m", 2, _FURTHER)
-    FURTHER_LINK = Entry("link of each further sensor", "1", _sensors, _FURTHER)
-    FURTHER_DISTANCE = Entry("of each further sensor from its link's root", "m", _sensors, _FURTHER)
+    FURTHER_LINK = Entry("link of each further sensor", "1", lambda s: len(s.sensors), _FURTHER)
+    FURTHER_DISTANCE = Entry("of each further sensor from its link's root", "m", lambda s: len(s.sensors), _FURTHER)
     FURTHER_VALUES = Entry("its link's mode shapes there", "1", lambda s: len(s.sensors) * s.modes, _FURTHER)
     FURTHER_SLOPES = Entry("their slopes there", "1/m", lambda s: len(s.sensors) * s.modes, _FURTHER)
     FURTHER_FORESHORTENING = Entry("foreshortening there", "1/m", lambda s: len(s.sensors) * s.pairs, _FURTHER)
@@ -250,10 +225,15 @@ class Row(Names):
     FURTHER_BIAS = Entry("its bias in the present episode", "its unit", _readings, _FURTHER)
     FURTHER_RANGE = Entry("largest magnitude that can be read", "its unit", _readings, _FURTHER)
     FURTHER_ERROR = Entry(
-        "points of the rigid arm on the reference, then, minus the positions that were read", "m", _positions, _FURTHER
+        "points of the rigid arm on the reference, then, minus the positions that were read",
+        "m",
+        lambda s: 2 * s.further_points,
+        _FURTHER,
     )
-    F_FURTHER_READING = Entry("positions that further sensors read, in the frame", "m", _positions, _FURTHER)
-    F_FURTHER_ERROR = Entry("FURTHER_ERROR, in the frame", "m", _positions, _FURTHER)
+    F_FURTHER_READING = Entry(
+        "positions that further sensors read, in the frame", "m", lambda s: 2 * s.further_points, _FURTHER
+    )
+    F_FURTHER_ERROR = Entry("FURTHER_ERROR, in the frame", "m", lambda s: 2 * s.further_points, _FURTHER)
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 

@@ -7,6 +7,7 @@ and momenta in between.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from flexarm_env.codegen.arrays import LaneRows
@@ -83,11 +84,6 @@ def column_record(variant: Variant, with_input: bool = False) -> Recorder:
     return r
 
 
-def input_column_record(variant: Variant) -> Recorder:
-    """`column_record` of an input that acts all the time."""
-    return column_record(variant, with_input=True)
-
-
 def begin_column_record(variant: Variant) -> Recorder:
     """Record a period's begin for a column: of the momenta, from that of the rates."""
     r = ColumnRecorder(variant, False)
@@ -104,11 +100,6 @@ def end_column_record(variant: Variant, with_input: bool = False) -> Recorder:
     return r
 
 
-def input_end_column_record(variant: Variant) -> Recorder:
-    """`end_column_record` of an input that acts all the time."""
-    return end_column_record(variant, with_input=True)
-
-
 @recorded_kernel(column_record)
 def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
     """One column of every lane over a step.
@@ -120,7 +111,7 @@ def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
     """
 
 
-@recorded_kernel(input_column_record)
+@recorded_kernel(partial(column_record, with_input=True))
 def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
     """One column of every lane over a step, of an input that acts all the time.
 
@@ -142,6 +133,6 @@ def end_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
     """Turn a column of positions and momenta into one of positions and rates; see `column_kernel`."""
 
 
-@recorded_kernel(input_end_column_record)
+@recorded_kernel(partial(end_column_record, with_input=True))
 def input_end_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows) -> None:
     """`end_column_kernel` of an input that acts all the time; see `input_column_kernel`."""
