@@ -71,7 +71,7 @@ def packed(values: Array, step: float) -> list[list[int]]:
 
 def unpacked(data: Sequence[Sequence[int]], step: float) -> Array:
     """Invert `packed`, but for rounding. Shape (n, k)."""
-    return step * np.array(data, dtype=np.int64).cumsum(axis=1).cumsum(axis=1).T
+    return np.array(data, dtype=np.int64).cumsum(axis=1).cumsum(axis=1).T.astype(np.float64) * step
 
 
 # --- a lap ---------------------------------------------------------------------------------------------------------
