@@ -91,16 +91,9 @@ def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float 
 
 
 def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[str, float]:
-    """Write the bodies of one link, left open for what comes after.
+    """Write the bodies of link 0 or 1, left open for what comes after; return the last segment's length [m], too.
 
-    Args:
-        arm: the arm.
-        link: 0 or 1.
-        segments: number of rigid segments.
-        mount: distance of the link's root from the hinge before it, along the segment that carries it [m].
-
-    Returns:
-        Text, and the length of the last segment [m].
+    The link's root lies `mount` behind the hinge before it, along the segment that carries it [m].
     """
     element = arm.link_lengths[link] / (segments - 1)
     rho, stiffness = arm.masses_per_length[link], arm.flexural_rigidities[link] / element

@@ -254,13 +254,7 @@ def link_place(modes: LinkModes, foreshortened: bool, s: float) -> PointShape:
 
 
 def _foreshortened(k: Constants, modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> Constants:
-    """Return the constants with foreshortened kinematics.
-
-    Args:
-        k: constants with linear kinematics.
-        modes: of the two bare links.
-        carried: masses at the links' tips [kg].
-    """
+    """Return the constants with foreshortened kinematics; `carried`: masses at the links' tips [kg]."""
     one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
     return k._replace(
         elbow_foreshortening=_lower(modes[0].foreshortening(modes[0].length)),

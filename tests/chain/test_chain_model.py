@@ -106,3 +106,19 @@ def test_fastest_rate(damping: float) -> None:
 def test_less_than_two_segments_are_refused() -> None:
     with pytest.raises(ValueError, match="segments = 1: must be"):
         chain.chain_model(1)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.005, 0.01])
+@pytest.mark.parametrize("segments", [5, 20])
+def test_steps_are_the_fewest_that_are_stable_with_a_tenth_to_spare(segments: int, damping: float) -> None:
+    model = chain.chain_model(segments, ArmParameters(damping_ratio=damping))
+    time, longest, growing = 4e-3, 1e-3, 1.0 + 1e-6  # a rigid motion's double eigenvalue is known to half of the digits
+    count = chain.stable_steps(model, time, longest)
+    assert chain.growth(model, 1.1 * time / count) <= growing
+    assert count == 4 or chain.growth(model, 1.1 * time / (count - 1)) > growing
+
+
+def test_too_many_steps_are_refused() -> None:
+    model = chain.chain_model(60, ArmParameters(damping_ratio=0.0))
+    with pytest.raises(ValueError, match="take more than 1000 steps in"):
+        chain.stable_steps(model, 0.1, 1e-2)
