@@ -98,9 +98,6 @@ def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
 def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
     """Group consecutive points so that a group has at most `LANES` episodes, or is one point.
 
-    Args:
-        episodes: number of episodes of each point.
-
     Yields:
         Indices of the points of a group.
     """

@@ -16,12 +16,7 @@ LOG = 30.0  # the same without a terminal, and between two lines there [s]
 
 
 def progress_bar(total: int, unit: str) -> tqdm[Any]:
-    """Return a bar on stderr; it is shown once it takes long, and taken away in the end.
-
-    Args:
-        total: how much there is to do.
-        unit: what it is, e.g. "pictures".
-    """
+    """Return a bar on stderr, for so many of a unit; it is shown once it takes long, and taken away in the end."""
     terminal = sys.stderr.isatty()
     pauses = {"delay": PATIENCE} if terminal else {"delay": LOG, "mininterval": LOG}
     return tqdm(total=total, unit=f" {unit}", leave=False, dynamic_ncols=terminal, **pauses)

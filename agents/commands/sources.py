@@ -71,7 +71,8 @@ def _is_model(source: str) -> bool:
 
 def _is_training(source: str) -> bool:
     """Return whether POLICY is a training, which has its own environment."""
-    return not (_is_model(source) or _is_attribute(source) or source in controller_names())
+    is_attribute = ":" in source and not Path(source).exists()
+    return not (_is_model(source) or is_attribute or source in controller_names())
 
 
 def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
@@ -109,10 +110,6 @@ def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
         raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
     environment = given.environment or ENVIRONMENT
     return Entry(source, name, environment, options, given.stable_baselines3, given.vec_normalize)
-
-
-def _is_attribute(source: str) -> bool:
-    return ":" in source and not Path(source).exists()
 
 
 @contextmanager

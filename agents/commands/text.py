@@ -30,12 +30,7 @@ def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
 
 
 def from_markdown(text: str, width: int) -> str:
-    """Convert Markdown's prose and tables for a terminal.
-
-    Args:
-        text: paragraphs and tables, with code in backticks.
-        width: width of a line.
-    """
+    """Convert Markdown's prose and tables for a terminal."""
     blocks = [block for block in re.split(r"\n\n|\n(?=- )", text) if block.strip()]
     parts = [_table(block, width) if block.startswith("|") else _prose(block, width) for block in blocks]
     gaps = ["\n" if one.startswith("- ") and other.startswith("- ") else "\n\n" for one, other in pairwise(blocks)]

@@ -16,14 +16,7 @@ Numbers = NDArray[np.float32]
 
 
 def fully_connected(inputs: int, hidden: Sequence[int], outputs: int, activation: str) -> torch.nn.Sequential:
-    """Make a network; torch's generator draws its weights.
-
-    Args:
-        inputs: how many.
-        hidden: sizes of the hidden layers.
-        outputs: how many.
-        activation: between the layers, a name in `MODULES`.
-    """
+    """Make a network with hidden layers of these sizes; torch's generator draws its weights."""
     sizes = [inputs, *hidden]
     layers: list[torch.nn.Module] = []
     for before, after in zip(sizes, sizes[1:], strict=False):

@@ -43,12 +43,7 @@ def tuned(kind: Any, environment: str) -> Values:
 
 
 def settings_of(kind: Any, zoo: Mapping[str, Any]) -> Values:
-    """Read settings in rl-zoo's format; arguments and errors as of `tuned`.
-
-    Args:
-        kind: class of the configurations.
-        zoo: of one environment.
-    """
+    """Read an environment's settings in rl-zoo's format; arguments and errors as of `tuned`."""
     flat: Values = {}
     for name, value in zoo.items():
         inner = _arguments(value) if name == "policy_kwargs" else value

@@ -94,9 +94,6 @@ class LiveArm:
     def turn(self, **changes: float) -> None:
         """Turn knobs, which act at once.
 
-        Args:
-            **changes: fields of `Knobs`.
-
         Raises:
             TypeError, ValueError: for a value out of range.
         """
