@@ -231,12 +231,7 @@ def training() -> Iterator[tuple[str, Callable[[], str]]]:
 
 
 def resumed(algorithm: str, settings: Sequence[str]) -> str:
-    """Train, stop at the first checkpoint, resume to the end; hash the last policy's arrays.
-
-    Args:
-        algorithm: of the training.
-        settings: further arguments of `flexarm train`.
-    """
+    """Train, stop at the first checkpoint, resume to the end; hash the last policy's arrays."""
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work) / "run"
         command = [sys.executable, "-c", "from flexarm_agents.commands import main; main()"]

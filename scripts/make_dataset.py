@@ -95,10 +95,6 @@ def dataset_id(name: str, delay: float) -> str:
 def candidate(name: str, options: dict[str, Any]) -> Candidate:
     """Make a candidate with its environment.
 
-    Args:
-        name: see `Options.candidates`.
-        options: of the environment.
-
     Raises:
         TypeError, ValueError: for a bad option.
     """
@@ -111,13 +107,7 @@ def candidate(name: str, options: dict[str, Any]) -> Candidate:
 
 
 def recorded(one: Candidate, seed: int, lap: str) -> dict[str, Any]:
-    """Run an episode, and return the fields of Minari's buffer of it.
-
-    Args:
-        one: acts.
-        seed: of the reset, and of random actions.
-        lap: one of `LAPS`.
-    """
+    """Run an episode, and return the fields of Minari's buffer of it."""
     recorder = Recorder(one.env)
     recorder.action_space.seed(seed)
     run_policy(recorder, one.policy, seed, lap=lap)
@@ -125,13 +115,7 @@ def recorded(one: Candidate, seed: int, lap: str) -> dict[str, Any]:
 
 
 def saved(name: str, one: Candidate, episodes: list[dict[str, Any]]) -> None:
-    """Write a data set, in the place of one of the same id.
-
-    Args:
-        name: id.
-        one: whose it is.
-        episodes: what it holds.
-    """
+    """Write a data set, in the place of one of the same id."""
     minari = _minari()
     buffer = importlib.import_module("minari.data_collector").EpisodeBuffer
     if name in minari.list_local_datasets():
@@ -167,9 +151,6 @@ def summary(name: str, episodes: list[dict[str, Any]]) -> dict[str, Any]:
 def check(options: Options) -> None:
     """Refuse options before anything is simulated.
 
-    Args:
-        options: to be checked.
-
     Raises:
         ModuleNotFoundError: without Minari.
         TypeError, ValueError: naming the option.
@@ -188,10 +169,6 @@ def check(options: Options) -> None:
 
 def make(options: Options, tick: Callable[[], Any]) -> list[dict[str, Any]]:
     """Make all data sets.
-
-    Args:
-        options: which.
-        tick: called after each episode.
 
     Returns:
         A summary of each.

@@ -73,10 +73,6 @@ def seeds_of(text: str) -> list[int]:
 def settings_of(sweep: object, config: RunConfig) -> list[Setting]:
     """Return all combinations of a sweep's values.
 
-    Args:
-        sweep: lists of values by the names of the configuration's fields.
-        config: what all trainings have in common.
-
     Raises:
         TypeError, ValueError: if it is anything else.
     """

@@ -229,12 +229,7 @@ def _finite(a: Array, b: Array, infinite: float) -> Complex:
 
 
 def _merge(values: Complex, origin: float) -> Complex:
-    """Sort by magnitude, and replace clusters by their means.
-
-    Args:
-        values: computed eigenvalues.
-        origin: magnitude that counts as zero.
-    """
+    """Sort by magnitude, and replace clusters by their means."""
     left = list(values[np.lexsort((values.imag, values.real, np.abs(values)))])
     merged: list[complex] = []
     while left:

@@ -116,12 +116,7 @@ def _fault(folder: Path) -> str | None:
 
 
 def _fault_of(found: os.stat_result, above: bool = False) -> str | None:
-    """Say who else can change a file or a folder; None if nobody can.
-
-    Args:
-        found: its owner and mode.
-        above: it is a folder that leads to the one in question.
-    """
+    """Say who else can change a file or a folder; None if nobody can."""
     trusted = {os.getuid(), 0}
     if above:  # in a user namespace without root, as of a container, "/" and its like seem to be nobody's
         trusted.add(os.stat("/").st_uid)

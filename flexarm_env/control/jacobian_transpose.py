@@ -133,14 +133,7 @@ def _point_measurement(
 def _angles_measurement(
     k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
 ) -> Measurement:
-    """Measure by rigid kinematics of the joint angles, each with its own delay.
-
-    Args:
-        k: constants of the arm.
-        law: the law's data in this stage.
-        y: internal coordinates.
-        current_jacobian: J of the current angles, if the rate is to go through that one.
-    """
+    """Measure by rigid kinematics of the joint angles, each with its own delay."""
     theta1, theta2 = _late(joint_angles(k, y), law)
     one, both = sincos(theta1), sincos(theta1 + theta2)
     point = rigid_point(k.elbow_distance, law.sensor_distance, one, both)
@@ -217,16 +210,7 @@ def _torque(
     responses: Sequence[Sequence[Any]],
     h_gamma: Any,
 ) -> list[Any]:
-    """Compute the law's torque (14) at the end of the stage, from the rates' known part.
-
-    Args:
-        law: the law's data in this stage.
-        jacobian: J by columns.
-        measured: the sensed point.
-        v_known: explicit part of the rates.
-        responses: accelerations by unit torques of shoulder and elbow.
-        h_gamma: see `law_stage`.
-    """
+    """Compute the law's torque (14) at the end of the stage, from the rates' known part."""
     known_rate = [measured.late_rate[r] + dot(measured.rate_rows[r], v_known) for r in (0, 1)]
     response = [[dot(measured.rate_rows[r], responses[j]) for j in (0, 1)] for r in (0, 1)]
     damping = h_gamma * law.gain * law.derivative_gain

@@ -42,12 +42,7 @@ def study() -> dict[str, Any]:
 
 
 def rows(arms: Iterable[str], controllers: Sequence[str]) -> list[dict[str, Any]]:
-    """Find gain and delay margins of every case on a corner and in the middle of a side.
-
-    Args:
-        arms: some of `ARMS`.
-        controllers: some of `GAINS`.
-    """
+    """Find gain and delay margins of every case on a corner and in the middle of a side."""
     return [
         row(FlexibleArm(ARMS[title]), sensor, delayed, name) | {"arm": title}
         for title, sensor, delayed, name in product(arms, SENSORS, DELAYED, controllers)
@@ -88,11 +83,7 @@ def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
 
 
 def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the least and largest ratio of margin and delay for each arm, sensor and kind of late reading.
-
-    Args:
-        found: what `rows` returned.
-    """
+    """Return the least and largest ratio of margin and delay for each arm, sensor and kind of late reading."""
     ratios: dict[tuple[str, str, str], list[float]] = {}
     for row in found:
         for place in PLACES:
@@ -103,12 +94,7 @@ def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
-    """Find the delay margins of the paper's arm along half of the first side; the rest of the square is alike.
-
-    Args:
-        points: on half a side.
-        controllers: some of `GAINS`.
-    """
+    """Find the delay margins of the paper's arm along half of the first side; the rest of the square is alike."""
     path = square(SquareParameters())
     arm = FlexibleArm(ArmParameters.paper())
     shares = np.linspace(0.0, 0.5, points)
@@ -124,12 +110,7 @@ def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
 
 
 def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[dict[str, Any]]:
-    """Find the largest stable lambda: with late rates at the paper's delays, and on the true tip without delay.
-
-    Args:
-        arms: some of `ARMS`, with late rates.
-        modes_per_link: of the arms whose tip is seen.
-    """
+    """Find the largest stable lambda: with late rates at the paper's delays, and on the true tip without delay."""
     found = []
     for title in arms:
         for sensor in ("end effector", "0.5 m past the elbow"):

@@ -55,12 +55,7 @@ def random_poses(arm: FlexibleArm, count: int) -> list[OperatingPoint]:
 
 
 def study(frequencies: int = 400, count: int = 60) -> dict[str, Any]:
-    """Find the smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path.
-
-    Args:
-        frequencies: how many.
-        count: of poses.
-    """
+    """Find the smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path."""
     arm = FlexibleArm(ArmParameters.linear())
     omega = np.geomspace(0.1, 1000.0, frequencies)
     poses = random_poses(arm, count)

@@ -106,13 +106,7 @@ def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | N
 
 
 def delays(sensor: str, delayed: str, controller: str) -> dict[str, Any]:
-    """Find the delays from which on the paper's arm diverges in one case.
-
-    Args:
-        sensor: a name in `SENSORS`.
-        delayed: one of `DELAYED`.
-        controller: a name in `GAINS`.
-    """
+    """Find the delays from which on the paper's arm diverges in one case."""
     linear, gain = row(FlexibleArm(ArmParameters.paper()), sensor, delayed, controller), GAINS[controller]
     found: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": controller}
     for place, at in PLACES.items():

@@ -124,11 +124,7 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
 
 
 def study(points: int = 400) -> dict[str, Any]:
-    """Find all about zeros.
-
-    Args:
-        points: of the picture, along link 2.
-    """
+    """Find all about zeros."""
     counts = (1, 2, 3, 4)
     models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
     damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}

@@ -81,10 +81,6 @@ def _cpu_model() -> str:
 def run(options: Options, cache: Path) -> dict[str, Any]:
     """Measure everything.
 
-    Args:
-        options: the command line.
-        cache: an existing folder for compiled code.
-
     Returns:
         What the JSON file holds.
     """

@@ -48,11 +48,7 @@ def torques() -> Array:
 
 
 def our_error(modes: int) -> float:
-    """Largest tip error of FlexArm's arm at the environments' step [m].
-
-    Args:
-        modes: per link.
-    """
+    """Largest tip error of FlexArm's arm at the environments' step [m]."""
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes))
     own = Settings.of({"arm": {"preset": "linear", "modes_per_link": modes}, "control_period": HELD}).substeps
     start = np.zeros(2 * arm.size)
@@ -61,10 +57,6 @@ def our_error(modes: int) -> float:
 
 def equal_step(segments: int, modes: int) -> EqualStep:
     """Find the chain's step that is as accurate in time as ours with the fewest evaluations a second.
-
-    Args:
-        segments: per link, of the chain.
-        modes: per link, of our arm.
 
     Raises:
         ValueError: if none of those tried is.
@@ -105,13 +97,7 @@ def chain_error(segments: int, integrator: str, count: int) -> float:
 
 @cache
 def chain_tips(segments: int, integrator: str, count: int) -> Array:
-    """Simulate the chain; return its tip every `HELD` [m]. Shape (n, 2).
-
-    Args:
-        segments: per link.
-        integrator: MuJoCo's name of it.
-        count: steps in `HELD`.
-    """
+    """Simulate the chain; return its tip every `HELD` [m]. Shape (n, 2)."""
     import mujoco
 
     from flexarm_env.chain import model as chain

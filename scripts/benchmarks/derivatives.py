@@ -48,11 +48,7 @@ def jacobians(effort: float, everything: bool) -> Group:
 
 
 def iterations(everything: bool) -> Group:
-    """Time iterations of trajectory optimisation over a lap, about the plan of the package.
-
-    Args:
-        everything: with the default arm, too.
-    """
+    """Time iterations of trajectory optimisation over a lap, about the plan of the package."""
     subjects: list[Subject] = []
     ratios: list[Ratio] = []
     for name in ("linear", "default")[: 1 + everything]:

@@ -39,11 +39,7 @@ class EmptyEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 def steps(effort: float) -> Group:
-    """Single environments with random actions, resets included.
-
-    Args:
-        effort: factor on the work of a timed call.
-    """
+    """Single environments with random actions, resets included."""
     if EMPTY not in gymnasium.registry:
         gymnasium.register(EMPTY, entry_point=f"{__name__}:{EmptyEnv.__name__}", max_episode_steps=16_000)
     counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
@@ -63,14 +59,7 @@ def steps(effort: float) -> Group:
 
 
 def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
-    """One environment, stepped with random actions, and reset where an episode ends.
-
-    Args:
-        name: name of the subject.
-        env_id: id of the environment.
-        count: steps of a timed call.
-        **options: options of the environment.
-    """
+    """One environment, stepped with random actions, and reset where an episode ends."""
     env = gymnasium.make(env_id, **options)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(count)]

@@ -30,13 +30,7 @@ LEARNING_FRAMES, LEARNERS = 65_536, 64
 
 
 def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
-    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset.
-
-    Args:
-        modes: numbers of modes a link.
-        effort: factor on the work of a timed call.
-        many: environments whose memory is measured.
-    """
+    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset."""
     subjects, ratios = [], []
     acrobot = peers.envpool_acrobot(ENVS, effort) if peers.installed("envpool") else None
     if acrobot is not None:
@@ -66,11 +60,7 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
 
 
 def sensors(effort: float) -> Group:
-    """Declare the group of what late, noisy and further sensors cost a step of a batch.
-
-    Args:
-        effort: factor on the work of a timed call.
-    """
+    """Declare the group of what late, noisy and further sensors cost a step of a batch."""
     calls = round(BATCH_CALLS * effort)
     plain = _batch(f"{SQUARE}, no delay", SQUARE, ENVS, calls, delay=0.0)
     kinds: dict[str, dict[str, Any]] = {
@@ -88,12 +78,7 @@ def sensors(effort: float) -> Group:
 
 
 def threads(effort: float, cores: set[int]) -> Group:
-    """Declare the group of batches on one thread, two and so on, FlexArm beside EnvPool, by the clock on the wall.
-
-    Args:
-        effort: factor on the work of a timed call.
-        cores: that may be used.
-    """
+    """Declare the group of batches on one thread, two and so on, FlexArm beside EnvPool, by the clock on the wall."""
     counts = [count for count in (1, 2, 4, 8, 16, 32, 64) if count <= len(cores)]
     if cores:
         os.sched_setaffinity(0, cores)  # threads that are made from now on inherit it
@@ -151,10 +136,6 @@ def chain(modes: Sequence[int], effort: float) -> Group:
     At its largest stable step; at one whose error in time is some tenths of a millimetre; and at the step at which that
     error is no larger than FlexArm's. The chain's shape is better than one mode's in any case; what is equal there is
     the error that the step makes.
-
-    Args:
-        modes: numbers of modes a link.
-        effort: factor on the work of a timed call.
     """
     chains = [peers.mujoco_chain(SEGMENTS, effort, damping) for damping in (0.01, 0.0)]
     chains.append(peers.mujoco_chain(SEGMENTS, effort, step=FINE_STEP))
@@ -177,11 +158,7 @@ def chain(modes: Sequence[int], effort: float) -> Group:
 
 
 def learning(effort: float) -> Group:
-    """Declare the group of PPO on the batch, on an environment that does nothing, and in a training.
-
-    Args:
-        effort: factor on the work of a timed call.
-    """
+    """Declare the group of PPO on the batch, on an environment that does nothing, and in a training."""
     from flexarm_agents import FlexArmVecEnv
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
@@ -205,12 +182,7 @@ def _learn(make: Any, frames: int) -> None:
 
 
 def _training(name: str, frames: int) -> Subject:
-    """Rollouts and updates of a training with the tuned settings, without its evaluations.
-
-    Args:
-        name: of the subject.
-        frames: environment steps, rounded up to whole rollouts.
-    """
+    """Rollouts and updates of a training with the tuned settings, without its evaluations."""
     from flexarm_agents import PPOConfig
     from flexarm_agents.training.models import new_model
     from flexarm_agents.training.train import one_thread

@@ -90,13 +90,7 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step
 
 
 def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
-    """Declare the linear arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
-
-    Args:
-        segments: rigid segments a link.
-        effort: factor on the work of a timed call.
-        modes: per link, of FlexArm's arm.
-    """
+    """Declare the linear arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms."""
     import mujoco
 
     from flexarm_env.chain import model as chain
@@ -141,11 +135,7 @@ def _multiply_add(lanes: NDArray[np.float64], factor: float, addend: float, swee
 
 
 def multiply_adds(effort: float) -> Subject:
-    """Fused multiply-adds in double precision on one core, vectorised, 64 independent chains; amount: flop.
-
-    Args:
-        effort: factor on the work of a timed call.
-    """
+    """Fused multiply-adds in double precision on one core, vectorised, 64 independent chains; amount: flop."""
     sweeps = max(1, round(effort * FLOPS / (2 * CHAINED * LANES)))
     lanes = np.linspace(0.0, 1.0, LANES)  # they go to 0.5, neither to zero nor out of range
     name = "multiply-add peak of one core"
@@ -239,10 +229,6 @@ def memory_of(code: str, imports: str = "") -> int:
     """Resident memory that a fresh process needs for some code, on top of what it holds after its imports [bytes].
 
     Good to some 0.1 MB: memory grows by whole pages, and what the imports freed is used again unseen. Not for Windows.
-
-    Args:
-        code: statements; what they bind to names stays alive.
-        imports: statements that come first and do not count.
 
     Raises:
         subprocess.CalledProcessError: if either fails; the traceback goes to the error stream.

@@ -29,12 +29,7 @@ LONG_PERIOD = 0.1  # [s]
 
 
 def torque_driven(modes: Sequence[int], effort: float) -> Group:
-    """Declare the group of the torque-driven arm's kernel (complete velocity forces), scalar and batch.
-
-    Args:
-        modes: numbers of modes a link.
-        effort: factor on the work of a timed call.
-    """
+    """Declare the group of the torque-driven arm's kernel (complete velocity forces), scalar and batch."""
     subjects, ratios = [], []
     for m in modes:
         label = f"{m} mode{'s' if m > 1 else ''}"
@@ -117,11 +112,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
 
 
 def closed_loop(effort: float) -> Group:
-    """Declare the group of the paper's arm under the law with a late sensor, one and many.
-
-    Args:
-        effort: factor on the work of a timed call.
-    """
+    """Declare the group of the paper's arm under the law with a late sensor, one and many."""
     one, many = "1 arm", f"{LOOPS} arms"
     drivers = ", gain held 0.1 s"
     subjects = [

@@ -87,11 +87,6 @@ class Group:
 def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[str, Any]:
     """Time a group.
 
-    Args:
-        group: the group.
-        repeats: the option; see `Group.share`.
-        progress: called with a subject's name after each timed call.
-
     Returns:
         The group's entry in the JSON file.
     """

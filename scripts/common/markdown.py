@@ -52,10 +52,6 @@ def shown_blocks() -> dict[str, str]:
 def fill_pages(results: Path, names: Collection[str]) -> list[Path]:
     """Replace generated blocks wherever they stand in docs/, and return the pages.
 
-    Args:
-        results: folder that has the tables.
-        names: of the blocks.
-
     Raises:
         ValueError: if a block stands on no page.
     """
@@ -73,10 +69,6 @@ def fill_pages(results: Path, names: Collection[str]) -> list[Path]:
 
 def quoting(page: str, figures: Mapping[str, Any]) -> str:
     """Write the text of every quoting block of a page anew.
-
-    Args:
-        page: the page's text.
-        figures: values and functions that the expressions in braces may use, by name.
 
     Raises:
         KeyError, NameError: if the figures lack one that the page quotes.

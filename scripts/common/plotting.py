@@ -114,13 +114,7 @@ def running_rms(values: Any, window: int) -> NDArray[np.float64]:
 
 
 def label_ends(axis: Axes, labels: Sequence[tuple[str, str]], heights: Sequence[float]) -> None:
-    """Write the names of lines at the axis' right side, moved apart where they would overlap.
-
-    Args:
-        axis: its limits are those of the picture.
-        labels: text and colour of each line.
-        heights: where the lines end, in the axis' data.
-    """
+    """Write the names of lines at the axis' right side, moved apart where they would overlap."""
     figure = axis.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()  # lays the axes out, so that their height is known

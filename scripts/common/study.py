@@ -150,11 +150,6 @@ def usual(name: str, studies: Mapping[str, Study]) -> Options:
 def command(name: str, studies: Mapping[str, Study], text: str) -> None:
     """Read the command line of `python -m scripts.NAME`, and make the studies.
 
-    Args:
-        name: of the package.
-        studies: by name.
-        text: what they compare.
-
     Raises:
         ValueError: for an unknown study or a bad number.
     """

@@ -37,10 +37,6 @@ class Training(NamedTuple):
 def trained(config: RunConfig, folder: Path) -> Training:
     """Train, resume an interrupted training, or reuse a finished one.
 
-    Args:
-        config: the configuration.
-        folder: for the results.
-
     Raises:
         ValueError: the training in the folder has another configuration, or was made by a version whose environments
             gave other scores.
@@ -73,11 +69,6 @@ def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -
     """Train each configuration in a folder of its own.
 
     When this process is stopped, each training that runs finishes its rollout and keeps a checkpoint.
-
-    Args:
-        jobs: configurations and folders.
-        where: runs them, each on one core.
-        tick: called after each.
 
     Returns:
         The finished trainings, in the order of the jobs, and the jobs that failed.

@@ -54,12 +54,7 @@ class Trial:
 
 
 def cell(lap: Sequence[Mapping[str, Any]], digits: int = 0) -> str:
-    """Write r.m.s. over a lap / after 2 s [mm]; of one that was lost, the median time of the end, and its range.
-
-    Args:
-        lap: its scores, one for each draw of the noise.
-        digits: behind the point.
-    """
+    """Write r.m.s. over a lap / after 2 s [mm]; of one that was lost, the median time of the end, and its range."""
     if lap[0]["complete"]:
         return " / ".join(f"{1e3 * lap[0][name]:.{digits}f}" for name in ("rms", "rms_after_2s"))
     ends = [one["duration"] for one in lap if not one["complete"]]

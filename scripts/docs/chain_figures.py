@@ -37,14 +37,7 @@ CONTROLLERS = (*AGENTS, "IFDC")
 
 
 def lap(name: str, controller: str, which: str, **options: Any) -> tuple[dict[str, Any], NDArray[np.float64]]:
-    """Return the scores of a standard lap, with control periods per second of processor time; and the tip.
-
-    Args:
-        name: of the environment.
-        controller: one of `CONTROLLERS`.
-        which: lap.
-        **options: of the environment.
-    """
+    """Return the scores of a standard lap, with control periods per second of processor time; and the tip."""
     agent = load_policy(AGENTS[controller]) if controller in AGENTS else None
     own = GAIN if agent is None else interface_of(gymnasium.spec(agent.environment).kwargs | agent.options)
     env = gymnasium.make(f"flexarm_env:{NAMESPACE}/{name}", **(own | options))

@@ -169,12 +169,7 @@ def contents(pages: Iterable[str]) -> dict[str, list[str]]:
 
 
 def toctree(pages: Sequence[str], folder: Path) -> str:
-    """Write a hidden table of contents, from which the sidebar is made; it has the ids of environments in short.
-
-    Args:
-        pages: names of the pages.
-        folder: of the site's sources, which has them.
-    """
+    """Write a hidden table of contents, from which the sidebar is made; it has the ids of environments in short."""
     lines = []
     for page in pages:
         title = re.search(r"^# FlexArm/(.*)$", text_of(file_of(page, folder)), re.MULTILINE)
@@ -183,13 +178,7 @@ def toctree(pages: Sequence[str], folder: Path) -> str:
 
 
 def chapter_page(chapter: Chapter, pages: Sequence[str], folder: Path) -> str:
-    """Write a chapter's page: a link to each of its pages, and what that answers.
-
-    Args:
-        chapter: its title, text and lines.
-        pages: names of its pages.
-        folder: of the site's sources, which has them.
-    """
+    """Write a chapter's page: a link to each of its pages, and what that answers."""
     lines = {}
     for page in pages:
         file = file_of(page, folder)
@@ -198,13 +187,7 @@ def chapter_page(chapter: Chapter, pages: Sequence[str], folder: Path) -> str:
 
 
 def listing(title: str, text: str, lines: Mapping[str, str]) -> str:
-    """Write a page that lists others.
-
-    Args:
-        title: of the page.
-        text: its first paragraph.
-        lines: by a link to a page, what that answers.
-    """
+    """Write a page that lists others."""
     return "\n".join((f"# {title}", "", text, "", *(f"{link}\n: {line}\n" for link, line in lines.items())))
 
 
@@ -220,11 +203,7 @@ def text_of(page: Path) -> str:
 
 
 def first_sentence(text: str) -> str:
-    """Return the first sentence of a page's text, without its links.
-
-    Args:
-        text: Markdown.
-    """
+    """Return the first sentence of a page's text, without its links."""
     blocks = re.split(r"\n\s*\n", re.sub(r"<!--.*?-->|```.*?```", "", text, flags=re.DOTALL))
     prose = (block.strip() for block in blocks)
     first = next((block for block in prose if block and not re.match(r"[#<|!>]|[-*] ", block)), "")

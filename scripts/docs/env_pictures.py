@@ -131,12 +131,7 @@ PICTURES = {
 
 
 def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
-    """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each.
-
-    Args:
-        name: of the id.
-        most: number of frames, at most.
-    """
+    """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each."""
     wanted = PICTURES[name]
     made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None)  # the policies are poor
     env = made.unwrapped

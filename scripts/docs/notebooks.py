@@ -19,10 +19,6 @@ LIMIT = 600  # for a cell [s]
 def executed(path: Path, folder: Path) -> Any:
     """Return a notebook with the outputs of a new run of all its cells.
 
-    Args:
-        path: the notebook.
-        folder: where it runs.
-
     Raises:
         ModuleNotFoundError: without what runs it, naming the extra.
         nbclient.exceptions.CellExecutionError: if a cell fails.

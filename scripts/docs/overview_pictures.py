@@ -71,13 +71,7 @@ def _entry(row: Mapping[str, Any]) -> tuple[str, str, float, float] | None:
 
 
 def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others: Sequence[Any] = ()) -> None:
-    """Write each name beside its dot, where it covers no dot, no other name and no other name's leader.
-
-    Args:
-        axis: laid out for good.
-        dots: name, colour and place of each.
-        others: further places that names leave free.
-    """
+    """Write each name beside its dot, where it covers no dot, no other name and no other name's leader."""
 
     def boxes(places: Any, size: float) -> list[Bbox]:
         return [Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size) for x, y in places]

@@ -80,9 +80,6 @@ def unpacked(data: Sequence[Sequence[int]], step: float) -> Array:
 def replay(lap: Trajectory) -> dict[str, Any]:
     """Return a lap as plain values: numbers of a step for each channel, and why it ended.
 
-    Args:
-        lap: record of `run_policy`.
-
     Raises:
         ValueError: for a record without a sensor's reading.
     """
@@ -173,12 +170,7 @@ def record(row: Entry) -> tuple[Candidate, dict[str, Trajectory]]:
 
 
 def write(names: Sequence[str], folder: Path) -> None:
-    """Run the entries, and write their files and the index.
-
-    Args:
-        names: of the entries.
-        folder: an existing one.
-    """
+    """Run the entries, and write their files and the index."""
     known = {row.name: row for row in all_entries(())}
     index: dict[str, Any] = {"laps": {name: lap.text for name, lap in LAPS.items()}, "rows": []}
     for name in tqdm(names, unit="entry"):

@@ -41,11 +41,7 @@ BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its fi
 
 
 def lay_out(pages: Path) -> None:
-    """Write the site's sources.
-
-    Args:
-        pages: folder for them, which is made anew.
-    """
+    """Write the site's sources."""
     shutil.rmtree(pages, ignore_errors=True)
     shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("__pycache__"))
     board = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
@@ -67,11 +63,7 @@ def lay_out(pages: Path) -> None:
 
 
 def write_reference(folder: Path) -> None:
-    """Write a page for each module of the reference, and one that lists them.
-
-    Args:
-        folder: for them; it must not exist.
-    """
+    """Write a page for each module of the reference, and one that lists them."""
     folder.mkdir()
     for name in MODULES:
         text = f"# {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n"
@@ -83,11 +75,7 @@ def write_reference(folder: Path) -> None:
 
 
 def write_contents(pages: Path) -> None:
-    """Write the chapters' pages, and what stands below each page.
-
-    Args:
-        pages: folder of the site's sources.
-    """
+    """Write the chapters' pages, and what stands below each page."""
     files = [page for kind in KINDS for page in pages.rglob(f"*.{kind}") if page != pages / FIRST]
     below = contents(page.relative_to(pages).with_suffix("").as_posix() for page in files)
     for name, children in below.items():
@@ -105,12 +93,7 @@ def append(page: Path, text: str) -> None:
 
 
 def with_links(page: Path, pages: Path) -> str:
-    """Return a page's text whose links lead to where the site has them; other files of ours come along.
-
-    Args:
-        page: one of the pages that are laid out.
-        pages: folder of them.
-    """
+    """Return a page's text whose links lead to where the site has them; other files of ours come along."""
 
     def link(match: re.Match[str]) -> str:
         """Return where a link leads on the site."""

@@ -20,9 +20,6 @@ HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg
 def module(page: str) -> str:
     """Return the snippets of a page as the text of one module.
 
-    Args:
-        page: its text.
-
     Raises:
         ValueError: if there is a snippet that is not found, since it is indented or has no end.
     """
@@ -30,11 +27,7 @@ def module(page: str) -> str:
 
 
 def main(folder: Path = DOCS.parent / "build" / "snippets") -> None:
-    """Command line.
-
-    Args:
-        folder: for the modules.
-    """
+    """Command line."""
     folder.mkdir(parents=True, exist_ok=True)
     for page in LONG:
         (folder / f"{page.stem}_snippets.py").write_text(module(page.read_text(encoding="utf-8")), encoding="utf-8")

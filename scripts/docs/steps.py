@@ -66,9 +66,6 @@ class Step(NamedTuple):
 def steps(page: str) -> list[Step]:
     """Return the steps of a page.
 
-    Args:
-        page: its text.
-
     Raises:
         ValueError: if there is a snippet that is not found, since it is indented or has no end.
     """
@@ -82,13 +79,7 @@ def steps(page: str) -> list[Step]:
 
 
 def printed(step: Step, names: dict[str, Any], page: str) -> str:
-    """Run a step in the present folder, and return what it prints on stdout.
-
-    Args:
-        step: the step.
-        names: of the page's snippets so far; changes.
-        page: file of the page, for tracebacks.
-    """
+    """Run a step in the present folder, and return what it prints on stdout."""
     output = io.StringIO()
     with redirect_stdout(output):
         if step.kind == "python":
@@ -107,12 +98,7 @@ def printed(step: Step, names: dict[str, Any], page: str) -> str:
 
 
 def excerpt(shown: str, whole: str) -> str:
-    """Leave lines out of an output, as many as the page leaves out of the former one.
-
-    Args:
-        shown: on the page.
-        whole: what a run printed.
-    """
+    """Leave lines out of an output, as many as the page leaves out of the former one."""
     lines = shown.splitlines()
     if LEFT_OUT not in lines:
         return whole
@@ -123,13 +109,7 @@ def excerpt(shown: str, whole: str) -> str:
 
 
 def agree(shown: str, found: str, tolerance: float = TOLERANCE) -> bool:
-    """Return whether two outputs have the same words, and numbers that differ by little or by rounding.
-
-    Args:
-        shown: on the page.
-        found: by a run.
-        tolerance: relative, of numbers.
-    """
+    """Return whether two outputs have the same words, and numbers that differ by little or by rounding."""
     if NUMBER.sub("#", shown).split() != NUMBER.sub("#", found).split():
         return False
     pairs = zip(NUMBER.finditer(shown), NUMBER.finditer(found), strict=True)
@@ -148,11 +128,7 @@ class Options:
 
 
 def write(path: Path) -> None:
-    """Run a page in a folder of its own, and write its outputs and pictures anew.
-
-    Args:
-        path: the page.
-    """
+    """Run a page in a folder of its own, and write its outputs and pictures anew."""
     page = path.read_text(encoding="utf-8")
     names: dict[str, Any] = {"__name__": path.stem}
     parts, done = [], 0

@@ -72,11 +72,7 @@ def board() -> dict[str, Any]:
 
 
 def to_beat(name: str) -> str:
-    """Write the section of an id: a table, a sentence, or that there is nothing yet.
-
-    Args:
-        name: the id without its namespace.
-    """
+    """Write the section of an id: a table, a sentence, or that there is nothing yet."""
     return _OTHERS[name]() if name in _OTHERS else _of_board(BY_ID[name])
 
 
@@ -92,11 +88,7 @@ def _of_board(wanted: OnBoard) -> str:
 
 
 def best(name: str) -> str:
-    """Write the best entries without the true state in a sentence: that with least error, and the best agent.
-
-    Args:
-        name: the id without its namespace.
-    """
+    """Write the best entries without the true state in a sentence: that with least error, and the best agent."""
     if name in _BEST:
         return _BEST[name]
     wanted = BY_ID[name]

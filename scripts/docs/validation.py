@@ -70,12 +70,7 @@ def read(report: Path) -> dict[str, Any]:
 
 
 def renewed(record: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Return a record with what a newer report holds.
-
-    Args:
-        record: that is committed.
-        found: what `read` returned.
-    """
+    """Return a record with what a newer report holds."""
     checks = {(check["group"], check["name"]): check for check in (*record["checks"], *found["checks"])}
     groups = {
         name: new | {what: record["groups"][name][what] | new[what] for what in ("quoted", "tables")}

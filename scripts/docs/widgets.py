@@ -61,10 +61,6 @@ WIDGETS: Mapping[str, Widget] = {
 def with_widgets(text: str, page: Path) -> str:
     """Return a page's text with its widgets.
 
-    Args:
-        text: of the page.
-        page: path of the page from the root of the site's sources.
-
     Raises:
         ValueError: for a widget that there is not.
     """
@@ -88,9 +84,6 @@ def specification(text: str) -> str:
     """Return the folded specification of the id that a page is about; "" for another page.
 
     Its titles are no headings, which would close the fold early and fill the page's contents.
-
-    Args:
-        text: of the page; its first line names the id.
     """
     place = _SPECIFICATION.match(text)
     if place is None:
@@ -112,11 +105,7 @@ def with_folds(text: str) -> str:
 
 
 def board_table(board: Mapping[str, Any]) -> str:
-    """Write the leaderboard's figures as CSV, a line for each row, point and lap; errors in m, times in s.
-
-    Args:
-        board: contents of docs/leaderboard.json.
-    """
+    """Write the leaderboard's figures as CSV, a line for each row, point and lap; errors in m, times in s."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(("name", "axis", "value", "unit", "lap", "episodes", "lost", "first_loss", *_FIGURES))
@@ -147,12 +136,7 @@ def replay_names() -> list[str]:
 
 
 def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
-    """Write what the leaderboard's page shows, as a script.
-
-    Args:
-        board: contents of docs/leaderboard.json.
-        replayed: names of the rows of which there are replays.
-    """
+    """Write what the leaderboard's page shows, as a script."""
     read = {name for row in board["rows"] for name in row["reads"]}
     data = {
         "laps": list(LAPS),

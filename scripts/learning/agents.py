@@ -38,12 +38,7 @@ class Agent(NamedTuple):
         return str(len(self.trainings))
 
     def spread(self, lap: str, figure: str = "rms") -> Spread:
-        """Return the spread of a figure of the best evaluations over the seeds.
-
-        Args:
-            lap: name of the lap.
-            figure: of which less is better.
-        """
+        """Return the spread of a figure of the best evaluations over the seeds."""
         return Spread.of(one["best"][lap][figure] for one in self.trainings)
 
     def measured(self, name: str) -> list[Any]:
@@ -60,11 +55,7 @@ Agents = Mapping[str, Agent]  # by their names
 
 
 def committed(study: str) -> Callable[[Path, int], dict[str, Agent]]:
-    """Return a study's `results`: they are read from docs/.
-
-    Args:
-        study: its name.
-    """
+    """Return a study's `results`: they are read from docs/."""
     return partial(_read, FOLDER / f"{study}.json")
 
 

@@ -43,11 +43,6 @@ class Replay:
 def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
     """Run a plan through `FlexArm/Square-v0`, open loop, with its reference and its integration step.
 
-    Args:
-        plan: the plan.
-        lap: name of the lap.
-        path: name of the reference.
-
     Returns:
         Figures of the lap.
 

@@ -172,15 +172,7 @@ def improved(
     iterations: int,
     path: Path,
 ) -> Candidate:
-    """Optimise from a start, or reuse the plan in its file.
-
-    Args:
-        problem: what the plan should be good at.
-        sequence: see `Candidate`.
-        start: returns the start.
-        iterations: most iterations.
-        path: the plan's file.
-    """
+    """Optimise from a start, or reuse the plan in its file."""
     settings = {"sequence": sequence, "change_weight": problem.change_weight, "most_iterations": iterations}
     plan = _earlier(path, problem, settings)
     if plan is None:

@@ -25,16 +25,7 @@ _FIRST = ("runs linear", "sweep constant_gain", "runs complete", "sweep true_tip
 
 
 def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, pictures: bool, workers: int) -> None:
-    """Fill a folder with runs, tables and figures.
-
-    Args:
-        study: what it is made with.
-        cases: which of the paper's runs.
-        folder: an existing empty folder.
-        sweeps: make the sweeps too.
-        pictures: draw the figures too.
-        workers: processes.
-    """
+    """Fill a folder with runs, tables and figures."""
     (folder / "runs").mkdir()
     (folder / "figures").mkdir()
     swept = list(SWEEPS) if sweeps else []

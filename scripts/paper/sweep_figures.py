@@ -34,14 +34,7 @@ _PANELS: tuple[tuple[str, Callable[[dict[str, Any]], float], str], ...] = (
 
 
 def sweep_lines(rows: Rows, sweep: str, label: str, base: Rows) -> Figure:
-    """Draw a sweep over a number: four figures of merit against it.
-
-    Args:
-        rows: rows of all sweeps.
-        sweep: which one.
-        label: label of the abscissa.
-        base: measures to draw as levels: dicts with "label", "place" and the measures.
-    """
+    """Draw a sweep over a number: four figures of merit against it."""
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 6.8), sharex=True)
     for axis, (title, pick, place) in zip(axes.flat, _PANELS, strict=True):
         for sensing in SENSINGS:

@@ -30,13 +30,7 @@ class Row:
 
 
 def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
-    """Return the verdict and the condition under which it stands.
-
-    Args:
-        claim: the claim.
-        findings: by column; "paper" is the paper's own arm.
-        titles: titles of the columns.
-    """
+    """Return the verdict and the condition under which it stands."""
     own = findings["paper"]
     failing = [titles[name] for name, finding in findings.items() if not finding.holds]
     if own.holds and not failing:

@@ -50,10 +50,6 @@ class Options:
 def train_and_ship(name: str, options: Options) -> None:
     """Train, choose and export an agent.
 
-    Args:
-        name: of the agent.
-        options: of the command.
-
     Raises:
         ValueError: for an even number of trainings.
         OSError: if trainings failed; the others are kept.
@@ -79,11 +75,7 @@ def train_and_ship(name: str, options: Options) -> None:
 
 
 def write_tables(output: Path) -> None:
-    """Write the tables, and bring the pages that show them up to date.
-
-    Args:
-        output: folder for the tables.
-    """
+    """Write the tables, and bring the pages that show them up to date."""
     output.mkdir(parents=True, exist_ok=True)
     cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
     texts = {

@@ -45,12 +45,7 @@ class Shipped(NamedTuple):
     drawn: bool = True
 
     def jobs(self, folder: Path, seeds: int) -> list[Job]:
-        """Return its trainings, with the seeds from 0 on.
-
-        Args:
-            folder: holds a folder for each.
-            seeds: how many.
-        """
+        """Return its trainings, with the seeds from 0 on."""
         return [(replace(self.config, seed=seed), folder / f"seed-{seed}") for seed in range(seeds)]
 
 

@@ -92,11 +92,7 @@ def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]
 
 
 def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
-    """Yield controllers and agents of the board's arm with figures, an agent's for each training that was measured.
-
-    Args:
-        cards: of the shipped agents, by name.
-    """
+    """Yield controllers and agents of the board's arm with figures, an agent's for each training that was measured."""
     rows, _ = published()
     for name, text in CONTROLLERS.items():
         if name in rows:

@@ -35,13 +35,7 @@ def curve(training: Training) -> dict[str, Any]:
 
 
 def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER, name: str = "curves") -> None:
-    """Bring data and picture up to date.
-
-    Args:
-        found: trainings of agents, by their names; the others' curves stay.
-        folder: has both.
-        name: of both files.
-    """
+    """Bring data and picture up to date."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.json"
     known = json.loads(path.read_text()) if path.is_file() else {}

@@ -33,11 +33,7 @@ ERRORS = ("r.m.s. [mm]", "after 2 s [mm]", "maximum [mm]")
 
 
 def scores(names: Iterable[str]) -> str:
-    """Tabulate the nominal scores of the shipped agents and of the paper's controllers.
-
-    Args:
-        names: of the shipped agents.
-    """
+    """Tabulate the nominal scores of the shipped agents and of the paper's controllers."""
     env = make_one(GAIN)
     agents = {name: load_policy(name) for name in names}
     found = {(AGENTS[name].text, _observed(agent)): _nominal(agent) for name, agent in agents.items()} | {
@@ -70,11 +66,7 @@ def _observed(agent: Trained) -> str:
 
 
 def costs(cards: Mapping[str, dict[str, Any]]) -> str:
-    """Tabulate what the trainings of each agent took until their best evaluation.
-
-    Args:
-        cards: data of the shipped agents, by name.
-    """
+    """Tabulate what the trainings of each agent took until their best evaluation."""
     rows = []
     for name, card in cards.items():
         steps, seconds = ([one[what] for one in card["trainings"]] for what in ("steps", "seconds"))
@@ -84,12 +76,7 @@ def costs(cards: Mapping[str, dict[str, Any]]) -> str:
 
 
 def conditions(agent: Trained, names: Iterable[str] = CONDITIONS) -> str:
-    """Tabulate the shipped agent's scores under changed conditions.
-
-    Args:
-        agent: the shipped one.
-        names: of which conditions.
-    """
+    """Tabulate the shipped agent's scores under changed conditions."""
     return table(
         ("condition", "lap", *ERRORS),
         (
@@ -101,12 +88,7 @@ def conditions(agent: Trained, names: Iterable[str] = CONDITIONS) -> str:
 
 
 def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Iterator[tuple[str, StandardScore]]:
-    """Run both laps under each of some conditions.
-
-    Args:
-        agent: the shipped one.
-        names: of which of `CONDITIONS`.
-    """
+    """Run both laps under each of some conditions."""
     for name in names:
         options = CONDITIONS[name]
         own = {"preset": agent.options.get("arm", "default")}
@@ -116,11 +98,7 @@ def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Itera
 
 
 def errors(score: Score) -> tuple[str, ...]:
-    """Write a lap's errors; an early end is marked in each.
-
-    Args:
-        score: score of the lap.
-    """
+    """Write a lap's errors; an early end is marked in each."""
     if not score.complete:
         return (f"lost: {score.ended} after {score.duration:.1f} s", "lost", "lost")
     return tuple(map(millimetres, (score.rms, score.rms_after_2s, score.maximum)))

@@ -20,9 +20,6 @@ RULE = "the median of {count} trainings that differ in their seeds, by the mean 
 def median(trainings: Sequence[Training]) -> Training:
     """Return the training whose best policy is in the middle, by `scoring.rank`.
 
-    Args:
-        trainings: an odd number.
-
     Raises:
         ValueError: for an even number.
     """
@@ -35,15 +32,7 @@ def median(trainings: Sequence[Training]) -> Training:
 def export(
     trainings: Sequence[Training], boards: Sequence[dict[str, Any]], policies: Path, name: str, command: str
 ) -> None:
-    """Put the median training's best policy into the package, with its card beside it.
-
-    Args:
-        trainings: all of them; the card has the scores of each.
-        boards: what each does on the board, for the card; none if its arm is not the board's.
-        policies: the package's folder of policies.
-        name: name of the shipped policy.
-        command: what made it.
-    """
+    """Put the median training's best policy into the package, with its card beside it."""
     chosen = median(trainings)
     put(policies / f"{name}.npz", lambda aside: shutil.copyfile(RunFolder(chosen.folder).best, aside))
     policy = load_policy(policies / f"{name}.npz")
