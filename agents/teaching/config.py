@@ -61,7 +61,6 @@ class DAggerConfig(RunConfig):
     """Folder for the teacher's plans, which several trainings can share; None: `plans` in the folder of the results."""
 
     def __post_init__(self) -> None:
-        """Validate; see `RunConfig`."""
         super().__post_init__()
         if self.arms % 2:
             raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")

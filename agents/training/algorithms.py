@@ -119,7 +119,6 @@ class _OnPolicyConfig(RewardConfig):
     """Logarithm of the actions' standard deviation at the beginning."""
 
     def __post_init__(self) -> None:
-        """Validate; see `RewardConfig`."""
         super().__post_init__()
         size = self.rollout * self.envs
         if size < 2 or self.batch > size or size % self.batch:
@@ -148,7 +147,6 @@ class PPOConfig(_OnPolicyConfig):
     """Learning rate in these steps, which do not count in the fall of `learning_rate`."""
 
     def __post_init__(self) -> None:
-        """Validate; see `RewardConfig`."""
         super().__post_init__()
         if self.initial_policy is not None and self.observer != "none":
             raise ValueError(
@@ -206,7 +204,6 @@ class SACConfig(RewardConfig):
     """Steps between two checkpoints, rounded up to whole rollouts."""
 
     def __post_init__(self) -> None:
-        """Validate; see `RewardConfig`."""
         super().__post_init__()
         if self.buffer % self.envs or self.buffer < self.batch:
             raise ValueError(
@@ -227,7 +224,6 @@ class TQCConfig(SACConfig):
     """Number of the largest quantiles that are dropped."""
 
     def __post_init__(self) -> None:
-        """Validate; see `RewardConfig`."""
         super().__post_init__()
         if self.dropped_quantiles >= self.quantiles:
             raise ValueError(f"dropped_quantiles = {self.dropped_quantiles}: must be < quantiles = {self.quantiles}")

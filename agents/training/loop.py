@@ -174,10 +174,7 @@ class Rounds(Training):
         """See `Training`."""
         return self.round_steps
 
-    @property
-    def checkpoint_every(self) -> int:
-        """See `Training`."""
-        return self.round_steps
+    checkpoint_every = evaluate_every
 
     def learn(self, pause: Callable[[], None]) -> None:
         """See `Training`."""
