@@ -1,7 +1,6 @@
 """The folder of compiled kernels: nobody else can write to it, and what nobody uses is removed from it."""
 
 import errno
-import logging
 import os
 import time
 from collections.abc import Callable
@@ -11,17 +10,7 @@ from typing import Any
 import pytest
 
 from flexarm_env.codegen import cache_folder
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "cache"))
-    cache_folder.say_once.cache_clear()
-    return tmp_path / "cache"
-
-
-def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+from tests.codegen.conftest import give_away, warnings_of, widen
 
 
 def belong_to_another(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,16 +43,6 @@ def test_a_chosen_folder_of_another_user_is_refused(
     belong_to_another(target, monkeypatch)
     with pytest.raises(PermissionError, match=r"FLEXARM_CACHE_DIR = .*another user"):
         cache_folder.find_folder()
-
-
-def widen(place: Path) -> None:
-    place.chmod(0o775)
-
-
-def give_away(place: Path) -> None:
-    if os.getuid() != 0:
-        pytest.skip("only root can give something away")
-    os.chown(place, 12345, -1, follow_symlinks=False)
 
 
 @pytest.mark.parametrize("change", [widen, give_away])

@@ -3,7 +3,6 @@
 import errno
 import gc
 import hashlib
-import logging
 import os
 import pickle
 import re
@@ -23,6 +22,7 @@ import pytest
 
 from flexarm_env.codegen import cache, cache_folder
 from flexarm_env.envs.single import FlexArmEnv
+from tests.codegen.conftest import give_away, warnings_of, widen
 from tests.support.refusals import refuses
 
 # --- a kernel that compiles in no time ----------------------------------------------------------------------------
@@ -47,21 +47,9 @@ def run(kernel: Any) -> bool:
     return bool(sum(kernel.stats.cache_hits.values()))
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "cache"))
-    cache_folder.say_once.cache_clear()
-    cache_folder.remove_unused_files_once.cache_clear()
-    return tmp_path / "cache"
-
-
 def files(folder: Path) -> list[Path]:
     """Compiled code in a folder."""
     return sorted(folder.glob("*.nbc"))
-
-
-def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
 
 
 # --- what is on disk ----------------------------------------------------------------------------------------------
@@ -152,16 +140,6 @@ class Trap:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Path.touch, (self.mark,)
-
-
-def widen(file: Path) -> None:
-    file.chmod(0o664)
-
-
-def give_away(file: Path) -> None:
-    if os.getuid() != 0:
-        pytest.skip("only root can give a file away")
-    os.chown(file, 12345, -1)
 
 
 def link(file: Path) -> None:
