@@ -15,13 +15,12 @@ from flexarm_env.codegen.arrays import Arena, LaneRow, Words
 from flexarm_env.codegen.declarations import Function, chosen_by_program
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import step_kernel
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.polyline import reference_at
 
 Factors = tuple[float, float, float, float, float, float, float, float]

@@ -23,13 +23,12 @@ from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import truth_kernel
 from flexarm_env.kernels.reference import follow_reference
 from flexarm_env.kernels.states import state_status
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD, reference_at
 

@@ -14,7 +14,6 @@ from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, T
 from flexarm_env.codegen.elementary import sincos, uniform
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import (
     QUANTITIES,
@@ -32,7 +31,7 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import elimination_kernel, momentum_kernel
 from flexarm_env.kernels.reference import invalidate_segment
 from flexarm_env.kernels.states import enter_state
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 

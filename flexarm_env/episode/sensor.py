@@ -14,11 +14,10 @@ from flexarm_env.codegen.arrays import Arena, Four, Keys, LaneRow, Table
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import normal, normal_pair, sincos, uniform
 from flexarm_env.codegen.scalars import clip
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import bracket, delayed_number, delayed_reading, hermite, point_at, sensed_point
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, drawn, reading_row, setting, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 

@@ -17,12 +17,11 @@ from flexarm_env.episode import reward
 from flexarm_env.episode.actuation import DRIVES, HOST_DRIVES, Drive, drive
 from flexarm_env.episode.observe import observe, push_actions
 from flexarm_env.episode.reset import begin_sensors, reset_lanes
-from flexarm_env.kernels.block import Block, block_at
 from flexarm_env.kernels.delay_line import fill_history, store_reading
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.imex import start_law
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, block_at, variant
 
 
 def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64]) -> None:

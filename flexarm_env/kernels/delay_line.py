@@ -11,11 +11,10 @@ from __future__ import annotations
 from flexarm_env.codegen.arrays import Arena, Clock, History, Words
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import further_reading_kernel, reading_kernel
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 
 
 def slot_after(clock: Clock, history: History, steps: int) -> int:

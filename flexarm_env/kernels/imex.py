@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Clock
 from flexarm_env.codegen.declarations import per_lane
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import law_kernel
 from flexarm_env.kernels.reference import cache_segment, invalidate_segment, on_segment
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.polyline import chord_at
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Clock, Paths
 from flexarm_env.codegen.declarations import per_lane
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.variants import variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.polyline import AHEAD, segment_of
 
 

@@ -20,9 +20,8 @@ from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
-from flexarm_env.kernels.block import Block
 from flexarm_env.kernels.entries import word
-from flexarm_env.kernels.variants import Variant
+from flexarm_env.kernels.variants import Block, Variant
 
 
 def is_shared(variant: AnyVariant) -> bool:
