@@ -13,14 +13,14 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import observe, reset, sensor
+from flexarm_env.episode import reset, sensor
 from flexarm_env.episode.step import GAIN, TORQUE
 from flexarm_env.kernels import (
     delay_line,
     entries,
     layout,
 )
-from flexarm_env.kernels.entries import Segment, drawn, setting, word
+from flexarm_env.kernels.entries import drawn, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
@@ -142,38 +142,6 @@ def test_a_reset_request_names_what_an_episode_draws() -> None:
     first, _ = simulator._rows["CONSTANTS"]
     np.testing.assert_allclose(found[: stiff.stop], expected[: stiff.stop], rtol=1e-12)
     assert not arena[first : first + len(expected), 0].any()
-
-
-def test_an_observation_shows_where_the_reference_goes() -> None:
-    """On its side and beyond the corner, turned into the frame; then scaled, unless the state is invalid."""
-    of = Variant(TORQUE, 1, True, 2)
-    tail = of.rows["TAIL"][0]
-    header = np.zeros(word.PLACES + 2, dtype=np.int64)
-    header[[word.PREVIEWS, word.OBSERVED]] = 1, 2
-    header[word.PLACES :] = tail, tail + 1
-    with plain_python(of):
-        settings = np.zeros(setting.HORIZONS + 3)
-        settings[setting.HORIZONS :] = 0.5, 10.0, 10.0
-        arena = np.vstack(
-            [arena_of(of, SEGMENT_LEFT=[[1.0, 0.2]], NEXT_TIME=1.0, FRAME_AXIS=[0.0, 1.0]), np.zeros((2, 2))]
-        )
-        velocity = row.PRESENT_SEGMENT + Segment.layout(None)["VELOCITY"][0]
-        arena[velocity : velocity + 2], arena[row.NEXT_VELOCITY : row.NEXT_VELOCITY + 2] = (
-            [[2.0], [0.0]],
-            [[0.0], [2.0]],
-        )
-        clock, paths = np.zeros((entries.CLOCK_ROWS, 2), dtype=np.int64), np.zeros((1, 2, 5))
-        active = np.array([True, True])
-        block = block_of(
-            first=0, arena=arena, clock=clock, paths=paths, header=header, settings=settings, active=active
-        )
-        observe.write_previews(block)
-        # the frame is turned by a quarter: x there is y here
-        np.testing.assert_allclose(arena[tail : tail + 2], [[0.0, 0.6], [-1.0, -0.4]], atol=1e-15)
-        arena[row.STATUS] = 0.0, 1.0
-        observations = np.full((2, 2), 7.0, dtype=np.float32)
-        observe.write_observations(block, observations)
-    np.testing.assert_allclose(observations, [[0.0, -10.0], [7.0, 7.0]])
 
 
 # --- all together -----------------------------------------------------------------------------------------------------
