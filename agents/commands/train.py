@@ -46,7 +46,7 @@ def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> 
     reader.usage = "flexarm train [OPTIONS]"  # there are many
     which = "PPO, RecurrentPPO, SAC, TQC, DAgger (dagger) or first-order policy gradients (fopg); ppo"
     reader.add_argument("--algorithm", choices=tuple(ALGORITHMS), default="ppo", help=which)
-    reader.add_argument("--folder", type=Path, metavar="PATH", help="folder for the results; runs/NAME-SEED")
+    reader.add_argument("--folder", type=Path, metavar="PATH", help="folder for the results; runs/NAME-ALGORITHM-SEED")
     resume = "continue the interrupted training in the folder; it must have the same configuration"
     reader.add_argument("--resume", action=switch, default=False, help=resume)
     progress = "show a bar where there is a terminal; without a bar, print a line for each evaluation"

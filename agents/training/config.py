@@ -98,7 +98,7 @@ class RunConfig:
     @property
     def folder(self) -> Path:
         """The default folder of a run."""
-        return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
+        return Path("runs") / f"{self.environment.partition('/')[2]}-{self.algorithm}-{self.seed}"
 
     def plain(self) -> dict[str, Any]:
         """Return plain values, as a JSON file keeps them."""

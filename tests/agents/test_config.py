@@ -145,7 +145,7 @@ def test_the_namespace_may_be_left_out() -> None:
 def test_a_configuration_survives_a_file() -> None:
     config = config_of(**{**TINY, "environment": "flexarm_env:FlexArm/Square-v0", "seed": 3})
     assert config.environment == ID
-    assert config.folder == Path("runs/Square-v0-3")
+    assert config.folder == Path("runs/Square-v0-ppo-3")
     again = read_config(json.loads(json.dumps(config.plain())))
     assert again == config
     assert config.differences(again) == []

@@ -50,8 +50,8 @@ def test_train_stop_and_go_on(flexarm: Shell) -> None:
     assert line.startswith("      256 steps "), stderr
     assert process.returncode == 130
     assert stderr.startswith("stopped; all ")
-    assert stderr.endswith("steps are kept in runs/Square-v0-3; the same command with --resume goes on\n")
-    assert (flexarm.folder / "runs" / "Square-v0-3" / "checkpoint.zip").is_file()
+    assert stderr.endswith("steps are kept in runs/Square-v0-ppo-3; the same command with --resume goes on\n")
+    assert (flexarm.folder / "runs" / "Square-v0-ppo-3" / "checkpoint.zip").is_file()
 
 
 def test_train_and_resume(flexarm: Shell) -> None:
@@ -60,20 +60,20 @@ def test_train_and_resume(flexarm: Shell) -> None:
     assert result.returncode == 0, result.stderr
     assert "best: swing lap: lost after " in result.stdout
     assert "s, compiling included" in result.stdout
-    run = flexarm.folder / "runs" / "Square-v0-3"
+    run = flexarm.folder / "runs" / "Square-v0-ppo-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
     result = flexarm(*again)
     assert result.returncode == 1
-    assert result.stderr.startswith("error: folder = runs/Square-v0-3: exists and is not empty; resume")
+    assert result.stderr.startswith("error: folder = runs/Square-v0-ppo-3: exists and is not empty; resume")
     result = flexarm(*again, "--resume")
     assert result.returncode == 0, result.stderr
     result = flexarm(*again, "--resume", "--gamma", "0.9")
     assert result.returncode == 1
-    assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-3 has 0.985")
-    result = flexarm("evaluate", "runs/Square-v0-3", *ALONE)
-    lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
+    assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-ppo-3 has 0.985")
+    result = flexarm("evaluate", "runs/Square-v0-ppo-3", *ALONE)
+    lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-ppo-3")]
     assert [line.split()[1] for line in lines] == ["swing", "plain"]
-    assert result.stdout.endswith('--own scores them: runs/Square-v0-3 on Square-v0 with {"noise": 0.001}\n')
+    assert result.stdout.endswith('--own scores them: runs/Square-v0-ppo-3 on Square-v0 with {"noise": 0.001}\n')
     assert [path.name for path in flexarm.folder.iterdir()] == ["runs"]  # nothing is written unasked
     for line in lines:
         assert "ENDED at " in line
