@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import filelock
 import numpy as np
 
 from flexarm_agents.files import json_text, put
-
-try:
-    import fcntl
-except ImportError:  # Windows: leftovers of killed runs stay
-    fcntl = None  # type: ignore[assignment]
 
 PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be replaced
 
@@ -65,69 +59,39 @@ def check_replaceable(folder: Path, marker: str) -> None:
 def replacing(target: Path, marker: str) -> Iterator[Path]:
     """Fill an empty folder that replaces the target at the end; after an error the target stays as it was.
 
-    What runs that were killed left beside the target is removed first. A run that is alive holds a lock on its folder.
+    What a killed run left beside the target is removed first.
 
     Args:
         target: where the results belong.
         marker: a file that a complete result folder holds.
 
     Raises:
-        ValueError: if the target is something else than a result folder.
+        ValueError: if the target is something else than a result folder, or another run makes it now.
     """
     check_replaceable(target, marker)
     target.parent.mkdir(parents=True, exist_ok=True)
+    work, old, lock = (target.with_name(f".{target.name}{end}") for end in (PARTIAL, OLD, ".lock"))
     with ExitStack() as stack:
-        with _locked(target.parent, wait=True):  # nobody takes a folder for a leftover before it is locked
-            _sweep(target)
-            work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-", suffix=PARTIAL))
-            stack.enter_context(_locked(work))
-            stack.callback(_clear, target, work)
+        with suppress(OSError, NotImplementedError):  # a file system without locks
+            try:
+                stack.enter_context(filelock.FileLock(lock, blocking=False))
+            except filelock.Timeout as error:
+                raise ValueError(f"output = {target}: another run makes it now; must be another folder") from error
+        _clear(target, work, old)
+        stack.callback(_clear, target, work, old, lock)
+        work.mkdir()
         yield work
-        os.chmod(work, 0o755)  # mkdtemp's folders are private
         if target.exists():
-            os.replace(target, work.with_suffix(OLD))
+            os.replace(target, old)
         os.replace(work, target)
 
 
-def _clear(target: Path, work: Path) -> None:
-    """Remove a run's work folder and the results that it replaced; put these back if nothing took their place."""
-    old = work.with_suffix(OLD)
+def _clear(target: Path, work: Path, old: Path, *locks: Path) -> None:
+    """Remove a work folder and the results that it replaced; put these back if nothing took their place."""
     if old.exists() and not target.exists():
         os.replace(old, target)
     for folder in (work, old):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _sweep(target: Path) -> None:
-    """Clear what killed runs left beside a target."""
-    ours = re.compile(rf"\.{re.escape(target.name)}-[a-z0-9_]{{8}}({re.escape(PARTIAL)}|{re.escape(OLD)})")
-    for work in {path.with_suffix(PARTIAL) for path in target.parent.iterdir() if ours.fullmatch(path.name)}:
-        with _locked(work) as free:
-            if free:
-                _clear(target, work)
-
-
-@contextmanager
-def _locked(folder: Path, wait: bool = False) -> Iterator[bool]:
-    """Lock a folder until the block, or the process, ends.
-
-    Yields:
-        Whether the folder is ours now, or is not there. False where the system cannot lock folders.
-    """
-    if fcntl is None:
-        yield False
-        return
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
-        yield True
-        return
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        free = True
-    except OSError:  # another's, or a file system without locks
-        free = False
-    try:
-        yield free
-    finally:
-        os.close(handle)
+    for lock in locks:
+        with suppress(OSError):  # Windows removes it when it is let go
+            lock.unlink()
