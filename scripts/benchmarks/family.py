@@ -162,23 +162,14 @@ def learning(effort: float) -> Group:
     from flexarm_agents import FlexArmVecEnv
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
-    ours = Subject(
-        f"PPO on {SQUARE}",
-        lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
-        frames + peers.ROLLOUT,
-    )
+    amount = frames + peers.ROLLOUT
+    ours = Subject(f"PPO on {SQUARE}", lambda: peers.learn(FlexArmVecEnv.make(SQUARE, LEARNERS), frames), amount)
     empty = Subject(
-        "PPO on an empty environment",
-        lambda: _learn(lambda n: peers.empty_vec_env(SQUARE, n), frames),
-        frames + peers.ROLLOUT,
+        "PPO on an empty environment", lambda: peers.learn(peers.empty_vec_env(SQUARE, LEARNERS), frames), amount
     )
     training = _training("a training", frames)
     ratios = [Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")]
     return Group("learning", "PPO, one core", "us", "frame", [ours, empty, training], ratios, share=0.4)
-
-
-def _learn(make: Any, frames: int) -> None:
-    peers.ppo_rate(make, LEARNERS, frames)
 
 
 def _training(name: str, frames: int) -> Subject:

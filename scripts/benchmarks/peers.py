@@ -8,9 +8,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-import time
 import warnings
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numba
@@ -173,34 +171,27 @@ def empty_vec_env(environment: str, num_envs: int) -> VecEnv:
     return EmptyVecEnv.make(environment, num_envs)
 
 
-def ppo_rate(make_vec_env: Callable[[int], VecEnv], num_envs: int, steps: int) -> float:
-    """Frames per second of Stable-Baselines3's PPO, rollouts and updates, after one untimed round of both.
+def learn(env: VecEnv, steps: int) -> None:
+    """Let Stable-Baselines3's PPO learn on an environment, rollouts and updates, after one round of both; close it.
 
     Policy and value have two layers of 64 each; a round is about 8192 frames, then ten epochs in batches of at most
-    1024, on one thread of PyTorch. Time is the processor's, of all threads, as in `timing`.
+    1024, on one thread of PyTorch: two are three to five times slower as soon as the machine is busy.
 
     Args:
-        make_vec_env: makes an environment from `num_envs`; it is closed at the end.
-        num_envs: environments.
+        env: the environment.
         steps: frames of all environments together, rounded up to whole rounds.
     """
-    import torch
     from stable_baselines3 import PPO
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # two are three to five times slower as soon as the machine is busy
-    env = make_vec_env(num_envs)
-    n_steps = max(2, ROLLOUT // num_envs)
-    try:
-        batch = min(BATCH, n_steps * num_envs)
-        learner = PPO("MlpPolicy", env, device="cpu", seed=0, n_steps=n_steps, batch_size=batch)
-        learner.learn(n_steps * num_envs)
-        start = time.process_time()
+    from flexarm_agents.training.train import one_thread
+
+    n_steps = max(2, ROLLOUT // env.num_envs)
+    round_of = n_steps * env.num_envs
+    with one_thread():
+        learner = PPO("MlpPolicy", env, device="cpu", seed=0, n_steps=n_steps, batch_size=min(BATCH, round_of))
+        learner.learn(round_of)
         learner.learn(steps)
-        return learner.num_timesteps / (time.process_time() - start)
-    finally:
-        env.close()
-        torch.set_num_threads(threads)
+    env.close()
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------

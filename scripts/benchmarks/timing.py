@@ -2,6 +2,8 @@
 
 Time is the processor's, spent by this process and all its threads: what the clock on the wall shows on a quiet machine,
 and nearly the same on a busy one. The wall clock's median stands beside it.
+
+The `effort` of what declares groups and subjects is a factor on the work of a timed call.
 """
 
 from __future__ import annotations

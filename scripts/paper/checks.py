@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any
 
 from scripts.paper.cases import CONTROLLERS, SENSINGS
@@ -20,6 +19,7 @@ VISIBLE = 0.05  # [m]; a difference that the eye sees on the paper's axes, about
 SIGNIFICANT = 0.9  # a ratio to IFDC up to which something is called reduced, suppressed or enhanced
 RESOLUTION = 0.005  # [m]; smaller differences of overshoots are not told apart (integration error: below 1 mm)
 LATE = ("nmp", "corrected")
+TOP_LEFT = "overshoot_top_left"  # of the rigid tip, past the first corner
 
 Measures = Mapping[str, dict[str, Any]]
 Differences = Mapping[str, dict[str, float]]
@@ -47,14 +47,10 @@ class Finding:
 Check = Callable[[Measures, Differences, str], Finding]
 
 
-def _by_sensing(m: Measures, controller: str, place: str, pick: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
-    """Return one figure of each of a controller's runs that are there."""
-    names: dict[str, str] = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
-    return {s: pick(m[name]) for s, name in names.items() if name in m}
-
-
-def _first(row: dict[str, Any]) -> float:
-    return float(row["rigid_overshoot"][0])
+def _by_sensing(m: Measures, controller: str, figure: str) -> dict[str, Any]:
+    """Return one figure of each of a controller's runs that are there; a claim's have one place."""
+    rows = {s: row for s in SENSINGS for name, row in m.items() if name.startswith(f"{controller}_{s}_")}
+    return {s: float(row["rigid_overshoot"][0]) if figure == TOP_LEFT else row[figure] for s, row in rows.items()}
 
 
 def _beyond(found: dict[str, float]) -> dict[str, float]:
@@ -75,12 +71,6 @@ def _some(values: dict[str, Any]) -> list[Any]:
     return list(values.values())
 
 
-def _ratio(found: dict[str, dict[str, float]], controller: str) -> float:
-    """Return the largest ratio of a controller's figure to IFDC's, over the sensings that both have."""
-    ours, theirs = found[controller], found["ifdc"]
-    return float(max(_some({s: ours[s] / theirs[s] for s in ours if s in theirs})))
-
-
 def stable(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that vibration does not grow from side to side."""
     growth = {name: row["vibration_by_side"][3] / max(row["vibration_by_side"][:3]) for name, row in m.items()}
@@ -91,13 +81,13 @@ def stable(m: Measures, d: Differences, controller: str) -> Finding:
 
 def pronounced(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that IFDC passes every corner by a good way."""
-    found = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_overshoot"])
+    found = _by_sensing(m, "ifdc", "rigid_overshoot")
     return Finding(min(min(v) for v in _some(found)) > PRONOUNCED, {"overshoot": found})
 
 
 def shift_right(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that a late sensor moves IFDC's overshoot at the second corner to the right."""
-    found = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_overshoot"][1])
+    found = {sensing: three[1] for sensing, three in _by_sensing(m, "ifdc", "rigid_overshoot").items()}
     shift = _beyond(found)
     return Finding(min(_some(shift)) > VISIBLE, {"overshoot_top_right": found, "shift": shift})
 
@@ -117,55 +107,32 @@ def _apart(m: Measures, d: Differences, controller: str, place: str) -> dict[str
 
 def nmp_greater(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that a late sensor increases IFDC's overshoot at the first corner."""
-    found = _by_sensing(m, "ifdc", "tip", _first)
+    found = _by_sensing(m, "ifdc", TOP_LEFT)
     more = _needed(found, "nmp") - _needed(found, "collocated")
-    return Finding(more > RESOLUTION, {"overshoot_top_left": found})
+    return Finding(more > RESOLUTION, {TOP_LEFT: found})
 
 
 def corrected_greater(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that a late command increases it further; or, under the condition, IFDC's largest error."""
-    over = _by_sensing(m, "ifdc", "tip", _first)
-    error = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_tip_max"])
+    over = _by_sensing(m, "ifdc", TOP_LEFT)
+    error = _by_sensing(m, "ifdc", "rigid_tip_max")
     more = {name: _needed(v, "corrected") - _needed(v, "nmp") for name, v in (("over", over), ("error", error))}
-    values = {
-        "overshoot_top_left": over,
-        "largest_error": error,
-        "under_condition": more["error"] > RESOLUTION,
-    }
+    values = {TOP_LEFT: over, "largest_error": error, "under_condition": more["error"] > RESOLUTION}
     return Finding(more["over"] > RESOLUTION, values)
 
 
 def little_and_much(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that the two late sensings agree at the first corner, and differ much from the collocated one."""
-    found = _by_sensing(m, controller, "tip", _first)
+    found = _by_sensing(m, controller, TOP_LEFT)
     little = abs(_needed(found, "nmp") - _needed(found, "corrected"))
     much = min(abs(more) for more in _some(_beyond(found)))
-    return Finding(little <= VISIBLE and much >= 2.0 * VISIBLE, {"overshoot_top_left": found})
-
-
-def amplitude(m: Measures, d: Differences, controller: str) -> Finding:
-    """Check that the overshoot at the first corner is significantly below IFDC's."""
-    found = {c: _by_sensing(m, c, "tip", _first) for c in ("ifdc", controller)}
-    ratio = _ratio(found, controller)
-    values = {"overshoot_top_left": found, "largest_ratio": ratio}
-    return Finding(ratio <= SIGNIFICANT, values, merit=max(found[controller].values()))
+    return Finding(little <= VISIBLE and much >= 2.0 * VISIBLE, {TOP_LEFT: found})
 
 
 def circle(m: Measures, d: Differences, controller: str) -> Finding:
     """Check that the tips go round on circles."""
     found = {name.removesuffix("_elbow"): row["circle_deviation"] / row["circle_radius"] for name, row in m.items()}
     return Finding(max(_some(found)) <= 0.01, {"deviation_over_radius": found})
-
-
-def smooth(m: Measures, d: Differences, controller: str) -> Finding:
-    """Check that vibration is at most half of IFDC's."""
-    figures = ("vibration", "tip_acceleration", "circle_deviation")
-    found = {
-        figure: {c: _by_sensing(m, c, "elbow", itemgetter(figure)) for c in ("ifdc", controller)} for figure in figures
-    }
-    ratio = _ratio(found["vibration"], controller)
-    values = {"vibration": found["vibration"], "largest_ratio": ratio} | {f: found[f] for f in figures[1:]}
-    return Finding(ratio <= 0.5, values, merit=max(found["vibration"][controller].values()))
 
 
 def same_circle(m: Measures, d: Differences, controller: str) -> Finding:
@@ -175,23 +142,14 @@ def same_circle(m: Measures, d: Differences, controller: str) -> Finding:
     return Finding(max(_some(found)) <= VISIBLE, {"path_difference": found})
 
 
-def suppresses(m: Measures, d: Differences, controller: str) -> Finding:
-    """Check that vibration is significantly below IFDC's."""
-    found = {c: _by_sensing(m, c, "tip", lambda row: row["vibration"]) for c in ("ifdc", controller)}
-    ratio = _ratio(found, controller)
-    return Finding(
-        ratio <= SIGNIFICANT, {"vibration": found, "largest_ratio": ratio}, merit=max(found[controller].values())
-    )
-
-
-def tracking(tip: str) -> Check:
-    """Make a check of the r.m.s. error of the "true" or the "rigid" tip."""
+def reduced(figure: str, most: float = SIGNIFICANT, beside: tuple[str, ...] = ()) -> Check:
+    """Make a check that a figure is at most a share of IFDC's with each sensing; `beside` are shown, too."""
 
     def check(m: Measures, d: Differences, controller: str) -> Finding:
-        """Check that the errors are significantly below IFDC's."""
-        found = {c: _by_sensing(m, c, "tip", lambda row: row[f"{tip}_tip_rms"]) for c in ("ifdc", controller)}
-        ratio = _ratio(found, controller)
-        merit = max(found[controller].values())
-        return Finding(ratio <= SIGNIFICANT, {f"{tip}_tip_rms": found, "largest_ratio": ratio}, merit)
+        found = {name: {c: _by_sensing(m, c, name) for c in ("ifdc", controller)} for name in (figure, *beside)}
+        ours, theirs = found[figure][controller], found[figure]["ifdc"]
+        ratio = float(max(_some({s: ours[s] / theirs[s] for s in ours if s in theirs})))
+        values = {figure: found.pop(figure), "largest_ratio": ratio, **found}
+        return Finding(ratio <= most, values, merit=max(ours.values()))
 
     return check

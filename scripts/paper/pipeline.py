@@ -68,7 +68,7 @@ def _decide(study: Study, folder: Path, rows: list[dict[str, Any]], clocks: Mapp
         data["sweeps"] = rows = rows + _other_branch(found["branch"])
     if whole:
         constant = [row for row in rows if row["sweep"] == "constant_gain"]
-        data["claims"] = verdicts.as_json(verdicts.decide(found, apart, constant, tables.TITLES))
+        data["claims"] = verdicts.decide(found, apart, constant, tables.TITLES)
     for name, one in data.items():
         write_json(folder / f"{name}.json", one)
     for name, text in tables.everything(found, rows, data.get("claims", [])).items():

@@ -3,30 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from scripts.paper.checks import Differences, Finding, Measures
 from scripts.paper.claims import CLAIMS, Claim
-
-
-@dataclass
-class Row:
-    """A row of claims.json."""
-
-    id: str
-    gist: str
-    quote: str
-    measure: str
-    values: dict[str, Any]
-    verdict: str
-    condition: str
-    note: str
-    holds: dict[str, bool] = field(default_factory=dict)
-    one_side: dict[str, Any] = field(default_factory=dict)
-    constant_gain: dict[str, Any] = field(default_factory=dict)
 
 
 def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
@@ -47,7 +29,7 @@ def decide(
     differences: Mapping[str, Differences],
     sweep: list[dict[str, Any]],
     titles: dict[str, str],
-) -> list[Row]:
+) -> list[dict[str, Any]]:
     """Decide all claims, as rows of claims.json.
 
     Args:
@@ -60,21 +42,19 @@ def decide(
     for claim in CLAIMS:
         findings = {name: claim.find(table[name], differences[name], "flsac") for name in table}
         decided, condition = verdict(claim, findings, titles)
-        row = Row(
-            id=claim.id,
-            gist=claim.gist,
-            quote=claim.quote,
-            measure=claim.measure,
-            values={name: finding.values for name, finding in findings.items()},
-            verdict=decided,
-            condition=condition,
-            note=claim.note,
-            holds={name: finding.holds for name, finding in findings.items()},
-            one_side=_on_one_side(claim, table, differences, titles),
+        gains = _constant_gains(claim, table, differences, sweep) if claim.fuzzy else {}
+        rows.append(
+            {name: getattr(claim, name) for name in ("id", "gist", "quote", "measure")}
+            | {
+                "values": {name: finding.values for name, finding in findings.items()},
+                "verdict": decided,
+                "condition": condition,
+                "note": claim.note,
+                "holds": {name: finding.holds for name, finding in findings.items()},
+                "one_side": _on_one_side(claim, table, differences, titles),
+                "constant_gain": gains,
+            }
         )
-        if claim.fuzzy:
-            row.constant_gain = _constant_gains(claim, table, differences, sweep)
-        rows.append(row)
     return rows
 
 
@@ -130,8 +110,3 @@ def _constant_gains(
         result["gains_tried"] = sorted(found)
         result["ended_early"] = sorted(set(found) - set(merits))
     return result
-
-
-def as_json(rows: list[Row]) -> list[dict[str, Any]]:
-    """Return plain data."""
-    return [asdict(row) for row in rows]
