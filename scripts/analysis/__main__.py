@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.common.command_line import run
-from scripts.common.study import Call, Study, Trials, command
+from scripts.common.study import Study, Trial, Trials, command
 
 
-def _margins() -> dict[str, Call]:
+def _margins() -> dict[str, Trial]:
     """Return the linear theory, and each case that is simulated: two sensors, late in two ways, three gains."""
     cases = product(list(margins.SENSORS)[:2], margins.DELAYED, margins.GAINS)
-    return {"linear": Call(margins.study), **{", ".join(case): Call(simulated.delays, case) for case in cases}}
+    return {"linear": margins.study, **{", ".join(case): partial(simulated.delays, *case) for case in cases}}
 
 
 STUDIES = {
     "zeros": Study(
         "zeros from the torques to a point of link 2",
-        Trials(zeros.__name__, lambda: {"zeros": Call(zeros.study)}),
+        Trials(zeros.__name__, lambda: {"zeros": zeros.study}),
         {"zeros_by_model": tables.zeros_by_model},
         {"zeros_locus": figures.zeros_locus},
         svg=True,
     ),
     "passivity": Study(
         "which paths from torque to rate are positive real",
-        Trials(passivity.__name__, lambda: {"passivity": Call(passivity.study)}),
+        Trials(passivity.__name__, lambda: {"passivity": passivity.study}),
         {"passivity": tables.passivity},
         {"passivity": figures.passivity},
         svg=True,

@@ -9,7 +9,7 @@ from concurrent.futures import as_completed
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from matplotlib.figure import Figure
 from tqdm import tqdm
@@ -22,6 +22,8 @@ from scripts.common.command_line import read_options
 from scripts.common.markdown import DOCS, fill_pages
 from scripts.common.plotting import save, write
 from scripts.common.result_files import plain, write_json
+
+Trial = Callable[[], Any]  # a worker can run it; returns mappings, lists, arrays and numbers
 
 
 @dataclass(frozen=True)
@@ -56,30 +58,6 @@ class Study:
                 save(figure, path.parent, path.stem)
             else:
                 write(figure, path)
-
-
-class Trial(Protocol):
-    """Something that is run."""
-
-    def run(self) -> Any:
-        """Return mappings, lists, arrays and numbers."""
-
-
-@dataclass(frozen=True)
-class Call:
-    """A function's call as a trial.
-
-    Attributes:
-        function: of a module, so that a worker finds it.
-        arguments: of the call.
-    """
-
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...] = ()
-
-    def run(self) -> Any:
-        """Call it."""
-        return self.function(*self.arguments)
 
 
 @dataclass(frozen=True)
@@ -117,10 +95,10 @@ def run_all(trials: Mapping[str, Trial], jobs: int, text: str) -> Iterator[tuple
     """
     with tqdm(total=len(trials), unit="job", desc=text) as bar, ExitStack() as stack:
         if jobs == 1 or len(trials) < 2:
-            done = ((label, trial.run()) for label, trial in trials.items())
+            done = ((label, trial()) for label, trial in trials.items())
         else:
             pool = stack.enter_context(worker_pool(jobs))
-            futures = {pool.submit(trial.run): label for label, trial in trials.items()}
+            futures = {pool.submit(trial): label for label, trial in trials.items()}
             done = ((futures[future], future.result()) for future in as_completed(futures))
         for label, result in done:
             bar.set_postfix_str(label)

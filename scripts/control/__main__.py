@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trials, command
+from scripts.common.study import Study, Trial, Trials, command
 from scripts.control import estimated, joint, unknown
-from scripts.control.trials import ERRORS, Trial, cell
+from scripts.control.trials import ERRORS, cell, run_laps
 
 
 def _registered() -> dict[str, Trial]:
-    return {name: Trial(name) for name in CONTROLLERS}
+    return {name: partial(run_laps, name) for name in CONTROLLERS}
 
 
 def registered_table(results: Any) -> str:

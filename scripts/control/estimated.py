@@ -9,9 +9,9 @@ from typing import Any
 from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trials
+from scripts.common.study import Study, Trial, Trials
 from scripts.control.joint import drawn
-from scripts.control.trials import Trial, cell
+from scripts.control.trials import cell, run_laps
 
 Rows = Mapping[str, tuple[str, dict[str, Any]]]  # a controller and its design, by what the table calls it
 LQG: Rows = {
@@ -40,14 +40,15 @@ CHANGES: dict[str, dict[str, float]] = {
     "delay 60 ms": {"delay": 0.06},
 }
 NOISE = 0.003  # [m]
-OFF = {"start 0.02 rad off": (-0.02, 0.02)}  # [rad]
+OFF = {"start 0.02 rad off": (-0.02, 0.02)}  # of the first corner [rad]
+ON = (0.0, 0.0)
 
 
 def _trials(rows: Rows) -> dict[str, Trial]:
     return {
-        f"{row}, {change}": Trial(name, design, {"noise": NOISE, **drawn(**quantities)}, OFF.get(change, (0.0, 0.0)))
+        f"{row}, {change}": partial(run_laps, name, design, {"noise": NOISE, **drawn(**own)}, OFF.get(change, ON))
         for row, (name, design) in rows.items()
-        for change, quantities in CHANGES.items()
+        for change, own in CHANGES.items()
     }
 
 

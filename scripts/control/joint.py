@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,8 @@ from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointFeedba
 from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trials
-from scripts.control.trials import ERRORS, Trial, cell
+from scripts.common.study import Study, Trial, Trials
+from scripts.control.trials import ERRORS, cell, run_laps
 
 ELBOWS = (0.28, 0.8, 1.2, 1.57)  # [rad]; what a lap of the square passes through
 PERIOD = 0.01  # [s]
@@ -52,7 +53,7 @@ CHANGES: dict[str, dict[str, float]] = {
 
 
 def _gains_tried() -> dict[str, Trial]:
-    return {f"{n}: {name}": Trial(name, {"feedback": feedback}) for n, (name, feedback) in enumerate(TRIED)}
+    return {f"{n}: {name}": partial(run_laps, name, {"feedback": feedback}) for n, (name, feedback) in enumerate(TRIED)}
 
 
 def _values(feedback: JointFeedback) -> list[str]:
@@ -73,7 +74,7 @@ def gains_table(results: Any) -> str:
 
 def _shapes_tried() -> dict[str, Trial]:
     return {
-        f"{n}: {way}": Trial("shaped", {"shape": shape, "feedforward": way})
+        f"{n}: {way}": partial(run_laps, "shaped", {"shape": shape, "feedforward": way})
         for n, shape in enumerate(SHAPES)
         for way in FEEDFORWARDS
     }
@@ -94,7 +95,7 @@ def shapes_table(results: Any) -> str:
 
 def _feedback_tried() -> dict[str, Trial]:
     return {
-        f"{name}, {change}": Trial("shaped", {"feedback": feedback}, drawn(**quantities))
+        f"{name}, {change}": partial(run_laps, "shaped", {"feedback": feedback}, drawn(**quantities))
         for name, feedback in GAINS.items()
         for change, quantities in CHANGES.items()
     }

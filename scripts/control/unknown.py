@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -19,8 +20,8 @@ from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trials
-from scripts.control.trials import Trial, cell
+from scripts.common.study import Study, Trial, Trials
+from scripts.control.trials import cell, run_laps
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
@@ -47,50 +48,38 @@ def robust(task: Task) -> Mapping[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class UnknownTrial:
-    """A controller in many episodes, every second one of which is a swing lap.
+def run_unknown(name: str, design: Design = as_registered) -> dict[str, list[list[float] | None]]:
+    """Run a controller of the registry in many episodes, every second one of which is a swing lap.
 
-    Attributes:
-        controller: its name in the registry.
-        design: of the controller.
+    Returns:
+        By the lap, the errors of each episode over the lap and after 2 s [m]; None for a lost one.
     """
-
-    controller: str
-    design: Design = as_registered
-
-    def run(self) -> dict[str, list[list[float] | None]]:
-        """Return the errors of each episode by the lap, over the lap and after 2 s [m]; None for a lost one."""
-        entry = controller(self.controller)
-        envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **entry.options | UNKNOWN_PLANT)
-        policy = entry.make(envs, **self.design(Task.of(envs)))
-        sides = [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
-        observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
-        squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None
-        starting, over = np.ones(EPISODES, dtype=bool), np.zeros(EPISODES, dtype=bool)
-        while not over.all():
-            actions, state = policy.predict(observations, state, starting)
-            observations, _, terminated, truncated, infos = envs.step(actions)
-            starting, running = terminated | truncated, running & ~terminated
-            squares.append(np.where(running, infos["tip_error"] ** 2, np.nan))
-            over |= starting
-        envs.close()
-        parts = (np.array(squares), np.array(squares[round(SETTLED / 0.01) :]))
-        pairs = np.stack([np.sqrt(np.mean(part, axis=0)) for part in parts], axis=1)
-        kept = [None if np.isnan(pair).any() else pair.tolist() for pair in pairs]
-        return {lap: kept[n :: len(LAPS)] for n, lap in enumerate(LAPS)}
+    entry = controller(name)
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **entry.options | UNKNOWN_PLANT)
+    policy = entry.make(envs, **design(Task.of(envs)))
+    sides = [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
+    observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
+    squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None
+    starting, over = np.ones(EPISODES, dtype=bool), np.zeros(EPISODES, dtype=bool)
+    while not over.all():
+        actions, state = policy.predict(observations, state, starting)
+        observations, _, terminated, truncated, infos = envs.step(actions)
+        starting, running = terminated | truncated, running & ~terminated
+        squares.append(np.where(running, infos["tip_error"] ** 2, np.nan))
+        over |= starting
+    envs.close()
+    parts = (np.array(squares), np.array(squares[round(SETTLED / 0.01) :]))
+    pairs = np.stack([np.sqrt(np.mean(part, axis=0)) for part in parts], axis=1)
+    kept = [None if np.isnan(pair).any() else pair.tolist() for pair in pairs]
+    return {lap: kept[n :: len(LAPS)] for n, lap in enumerate(LAPS)}
 
 
-@dataclass(frozen=True)
-class RobustTrial:
-    """The robust design on both laps of the default arm."""
-
-    def run(self) -> Any:
-        """Return what `Trial.run` does."""
-        env = gymnasium.make(ENVIRONMENT, **controller("lqg").options)
-        design = robust(Task.of(env))
-        env.close()
-        return Trial("lqg", design).run()
+def run_robust() -> Any:
+    """Run the robust design on both laps of the default arm."""
+    env = gymnasium.make(ENVIRONMENT, **controller("lqg").options)
+    design = robust(Task.of(env))
+    env.close()
+    return run_laps("lqg", design)
 
 
 def _summary(episodes: list[list[float] | None]) -> tuple[str, list[list[float]]]:
@@ -120,16 +109,16 @@ def robust_table(results: Any) -> str:
     return table(["lap", "default arm [mm]", "unknown arms: lost", "mean [mm]", "worst [mm]"], lines)
 
 
-def _unknown_trials() -> dict[str, UnknownTrial]:
+def _unknown_trials() -> dict[str, Trial]:
     return {
-        "LQG": UnknownTrial("lqg"),
-        "adaptive LQG": UnknownTrial("lqg_adaptive"),
-        "true state in place of a filter": UnknownTrial("plan_lqr"),
+        "LQG": partial(run_unknown, "lqg"),
+        "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
+        "true state in place of a filter": partial(run_unknown, "plan_lqr"),
     }
 
 
-def _robust_trials() -> dict[str, RobustTrial | UnknownTrial]:
-    return {"default arm": RobustTrial(), "unknown arms": UnknownTrial("lqg", robust)}
+def _robust_trials() -> dict[str, Trial]:
+    return {"default arm": run_robust, "unknown arms": partial(run_unknown, "lqg", robust)}
 
 
 STUDIES = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from flexarm_env import Trajectory
 from scripts.common.plotting import save
 from scripts.common.result_files import write_json
-from scripts.common.study import Call, run_all
+from scripts.common.study import Trial, run_all
 from scripts.paper import figures, sweep_figures, tables, verdicts
 from scripts.paper.cases import COLUMNS, CONTROLLERS, PLACES, Case, Study, load_runs, simulate_column
 from scripts.paper.measures import Workspace, differences, measures
@@ -29,14 +30,14 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
     (folder / "runs").mkdir()
     (folder / "figures").mkdir()
     swept = list(SWEEPS) if sweeps else []
-    jobs = {f"sweep {name}": Call(run_sweep, (study, name)) for name in swept}
-    jobs |= {f"runs {name}": Call(simulate_column, (study, name, cases, folder / "runs")) for name in COLUMNS}
+    jobs: dict[str, Trial] = {f"sweep {name}": partial(run_sweep, study, name) for name in swept}
+    jobs |= {f"runs {name}": partial(simulate_column, study, name, cases, folder / "runs") for name in COLUMNS}
     first = {name: jobs[name] for name in _FIRST if name in jobs}
     found = dict(run_all(first | jobs, workers, "simulating"))
     rows = [row for name in swept for row in found[f"sweep {name}"]]
     _decide(study, folder, rows, {name: found[f"runs {name}"]["run"] for name in COLUMNS}, len(cases) == 12)
     if pictures:
-        drawings = {name: Call(draw, (folder, name)) for name in _drawings(cases, sweeps)}
+        drawings = {name: partial(draw, folder, name) for name in _drawings(cases, sweeps)}
         list(run_all(drawings, workers, "drawing"))
 
 

@@ -41,11 +41,11 @@ def everything(
         texts |= {f"sweep_{name}": sweep(rows, name, label) for name, label in labels.items()}
     if decided:
         texts |= {
-            "verdicts": verdicts(decided, TITLES),
-            "verdicts_one_side": one_side(decided, TITLES),
-            "elbow_claim": elbow_claim(found, TITLES),
+            "verdicts": verdicts(decided),
+            "verdicts_one_side": one_side(decided),
+            "elbow_claim": elbow_claim(found),
             "reach_claim": reach_claim(found, Workspace(), PRONOUNCED),
-            "claims": claims(decided, TITLES),
+            "claims": claims(decided),
         }
     return texts
 
@@ -71,7 +71,7 @@ def _shown(values: dict[str, Any]) -> str:
     return brief({k: v for k, v in values.items() if k != "under_condition"})
 
 
-def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+def verdicts(rows: Sequence[dict[str, Any]]) -> str:
     """Tabulate the verdicts at a glance."""
 
     def cell(r: dict[str, Any], column: str) -> str:
@@ -81,41 +81,33 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
         return "holds under the condition" if conditional and r["values"][column].get("under_condition") else "fails"
 
     return table(
-        ["claim", "the paper says, in short", "verdict", *titles.values()],
+        ["claim", "the paper says, in short", "verdict", *TITLES.values()],
         [
             [
                 r["id"],
                 r["gist"],
                 f"**{r['verdict']}**" + ("" if r["holds"]["paper"] or not r["condition"] else f" ({r['condition']})"),
-                *(cell(r, c) for c in titles),
+                *(cell(r, c) for c in TITLES),
             ]
             for r in rows
         ],
     )
 
 
-def one_side(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+def one_side(rows: Sequence[dict[str, Any]]) -> str:
     """Tabulate the verdicts from all runs, and from those whose elbow keeps its side."""
 
     def cell(found: dict[str, Any]) -> str:
         word = {True: "holds", False: "fails", None: "undecided"}[found["holds"]]
         return f"{word} ({len(found['runs'])} of {found['of']} runs)"
 
-    def text(verdict: str, condition: str) -> str:
-        return f"**{verdict}**" + (f" ({condition})" if condition else "")
-
-    return table(
-        ["claim", "from all runs", "from runs whose elbow keeps its side", *titles.values()],
-        [
-            [
-                r["id"],
-                r["verdict"],
-                text(r["one_side"]["verdict"], r["one_side"]["condition"]),
-                *(cell(r["one_side"]["columns"][c]) for c in titles),
-            ]
-            for r in rows
-        ],
-    )
+    body = []
+    for r in rows:
+        own = r["one_side"]
+        condition = f" ({own['condition']})" if own["condition"] else ""
+        cells = (cell(own["columns"][c]) for c in TITLES)
+        body.append([r["id"], r["verdict"], f"**{own['verdict']}**{condition}", *cells])
+    return table(["claim", "from all runs", "from runs whose elbow keeps its side", *TITLES.values()], body)
 
 
 def elbow_changes(row: dict[str, Any]) -> str:
@@ -126,7 +118,7 @@ def elbow_changes(row: dict[str, Any]) -> str:
     return ", ".join(f"{t:.1f}" for t in times) or "never"
 
 
-def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, str]) -> str:
+def elbow_claim(found: dict[str, dict[str, dict[str, Any]]]) -> str:
     """Write how many of the paper's runs keep their elbow on its side, as a paragraph."""
     laps = {
         (column, name): row["elbow_changes"]
@@ -136,7 +128,7 @@ def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, s
     }
     at_tip = {key: times for key, times in laps.items() if key[1].endswith("_tip")}
     counts = [len(times) for key, times in laps.items() if key not in at_tip]
-    kept = [f"{name.replace('_', ' ')}, {titles[column]}" for (column, name), times in at_tip.items() if not times]
+    kept = [f"{name.replace('_', ' ')}, {TITLES[column]}" for (column, name), times in at_tip.items() if not times]
     keeping = f"{len(kept)}: {'; '.join(kept)}" if kept else "none"
     text = f"Of the {len(at_tip)} laps with the sensor at the end effector, the elbow keeps its side in {keeping}."
     if counts:
@@ -170,31 +162,21 @@ def ended_early(row: dict[str, Any]) -> str:
 
 def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
     """Tabulate overshoots of one column's runs, and where the arm's reach lets the tip be so far past a corner."""
-    chosen = {name: row for name, row in found.items() if name.endswith("_tip") and not row["ended_early"]}
 
     def cell(values: Sequence[float]) -> str:
         return " / ".join(f"{v:.2f}" for v in values)
 
-    return table(
-        [
-            "run",
-            "overshoot at the three switches [m]",
-            "distance along the next side, at least [m]",
-            "distance along the next side, measured [m]",
-        ],
-        [
-            [
-                name.replace("_", " "),
-                cell(row["rigid_overshoot"]),
-                cell([workspace.along(h) for h in row["rigid_overshoot"]]),
-                cell(row["rigid_overshoot_along"]),
-            ]
-            for name, row in chosen.items()
-        ],
-    )
+    body = []
+    for name, row in found.items():
+        if name.endswith("_tip") and not row["ended_early"]:
+            over, along = row["rigid_overshoot"], row["rigid_overshoot_along"]
+            least = [workspace.along(one) for one in over]
+            body.append([name.replace("_", " "), *map(cell, (over, least, along))])
+    places = (f"distance along the next side, {what} [m]" for what in ("at least", "measured"))
+    return table(["run", "overshoot at the three switches [m]", *places], body)
 
 
-def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+def claims(rows: Sequence[dict[str, Any]]) -> str:
     """Write each claim with its measure and the figures of every column."""
     text = ""
     for r in rows:
@@ -203,15 +185,15 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             text += f"\n*Condition:* {r['condition']}.\n"
         if r["note"]:
             text += f"\n*Note:* {r['note']}\n"
-        body = [[titles[c], "holds" if r["holds"][c] else "fails", _shown(r["values"][c])] for c in titles]
+        body = [[TITLES[c], "holds" if r["holds"][c] else "fails", _shown(r["values"][c])] for c in TITLES]
         gains = r["constant_gain"]
         for c, found in gains.get("equal_to_mean_of_flsac", {}).items():
             verdict = "holds" if found["holds"] else "fails"
-            body.append([f"constant gain, FLSAC's mean: {titles[c]}", verdict, _shown(found["values"])])
+            body.append([f"constant gain, FLSAC's mean: {TITLES[c]}", verdict, _shown(found["values"])])
         alone = {c: found for c, found in r["one_side"]["columns"].items() if found["holds"] is not None}
         text += "\n" + table(["arm", "", "figures"], body)
         sides = [
-            f"{'holds' if found['holds'] else 'fails'} on {titles[c]} ({len(found['runs'])} of {found['of']} runs)"
+            f"{'holds' if found['holds'] else 'fails'} on {TITLES[c]} ({len(found['runs'])} of {found['of']} runs)"
             for c, found in alone.items()
         ]
         text += f"\nFrom runs whose elbow keeps its side: {'; '.join(sides)}.\n" if sides else ""

@@ -1,6 +1,7 @@
 """What the studies share: the command, generated blocks of pages, and how errors are written."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from flexarm_agents import Spread
 from scripts.common import markdown, study
 from scripts.common.markdown import fill_pages, filled, shown_blocks
 from scripts.common.spreads import millimetres, spread_text
-from scripts.common.study import Call, Study, Trials, command
+from scripts.common.study import Study, Trials, command
 
 
 def test_errors_of_several_trainings() -> None:
@@ -54,7 +55,7 @@ def test_a_study_shows_its_results_in_docs(svg: bool, tmp_path: Path, monkeypatc
     monkeypatch.setattr(markdown, "DOCS", docs)
     monkeypatch.setattr(study, "DOCS", docs)
     monkeypatch.setattr(sys, "argv", ["", "--output", str(output), "--only", "squares", "--docs"])
-    trials = Trials("scripts.common.study", lambda: {str(n): Call(pow, (n, 2)) for n in (2, 3)})
+    trials = Trials("scripts.common.study", lambda: {str(n): partial(pow, n, 2) for n in (2, 3)})
     squares = Study("squares", trials, {"squares": lambda found: f"{found}\n"}, {"sub/squares": parabola}, svg)
     command("mine", {"squares": squares, "others": squares}, "Square numbers.")
     assert shown_blocks() == {"squares": "{'2': 4, '3': 9}\n"}

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
@@ -15,7 +15,7 @@ from scripts.common.markdown import shown_blocks
 from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
 from scripts.control.joint import slowest_decay
-from scripts.control.trials import Trial, cell
+from scripts.control.trials import cell, run_laps
 from tests.support.programs import refusal
 
 
@@ -29,7 +29,7 @@ def test_the_page_has_every_controller_with_the_scores_of_its_laps() -> None:
     lines = shown_blocks()["registered"].splitlines()[2:]
     rows = {cells[1].strip(" `"): cells for cells in (line.split("|") for line in lines)}
     assert list(rows) == list(controller_names())
-    assert [one.strip() for one in rows["ifdc"][4:6]] == [cell(lap, 1) for lap in Trial("ifdc").run().values()]
+    assert [one.strip() for one in rows["ifdc"][4:6]] == [cell(lap, 1) for lap in run_laps("ifdc").values()]
 
 
 def score(duration: float, error: float | None) -> dict[str, Any]:
@@ -44,33 +44,30 @@ def test_a_lost_lap_has_the_median_time_of_its_draws() -> None:
     assert cell([score(16.0, 0.02)], 1) == "20.0 / 20.0"
 
 
-@dataclass(frozen=True)
-class Counted:
-    """A trial that notes that it was run."""
+DONE: list[int] = []
 
-    value: int
-    done: ClassVar[list[int]] = []
 
-    def run(self) -> dict[str, int]:
-        self.done.append(self.value)
-        return {"square": self.value**2}
+def counted(value: int) -> dict[str, int]:
+    """Note that it was run."""
+    DONE.append(value)
+    return {"square": value**2}
 
 
 def test_trials_are_run_once(tmp_path: Path) -> None:
     """Those that a run has finished are not run again; other code makes all of them anew."""
-    first = Trials("scripts.control.trials", lambda: {"two": Counted(2)})
-    both = Trials("scripts.control.trials", lambda: {"three": Counted(3), "two": Counted(2)})
+    first = Trials("scripts.control.trials", lambda: {"two": partial(counted, 2)})
+    both = Trials("scripts.control.trials", lambda: {"three": partial(counted, 3), "two": partial(counted, 2)})
     assert first(tmp_path, 1) == {"two": {"square": 4}}
     assert both(tmp_path, 1) == {"three": {"square": 9}, "two": {"square": 4}}
-    assert Counted.done == [2, 3]
+    assert DONE == [2, 3]
     kept = json.loads((tmp_path / "results.json").read_text())
     (tmp_path / "results.json").write_text(json.dumps(kept | {"code": "another"}))
     assert both(tmp_path, 1) == {"three": {"square": 9}, "two": {"square": 4}}
-    assert Counted.done == [2, 3, 3, 2]
+    assert DONE == [2, 3, 3, 2]
 
 
 def test_workers_run_trials() -> None:
-    done = dict(run_all({"two": Counted(2), "three": Counted(3)}, 2, "squares"))
+    done = dict(run_all({"two": partial(counted, 2), "three": partial(counted, 3)}, 2, "squares"))
     assert done == {"two": {"square": 4}, "three": {"square": 9}}
 
 
@@ -87,4 +84,4 @@ def test_what_is_refused() -> None:
     assert "only = 'none': must be one of 'registered'" in refusal("control", "--only", "none")
     assert "jobs = 0" in refusal("control", "--jobs", 0)
     with pytest.raises(ValueError, match=r"name = 'nobody'"):
-        Trial("nobody").run()
+        run_laps("nobody")

@@ -200,10 +200,11 @@ def test_verdicts_follow_from_the_columns() -> None:
     assert verdict(conditional, False, True, under_condition=False)[0] == "not reproduced"
 
 
-def test_the_table_of_verdicts_says_where_the_condition_holds() -> None:
+def test_the_table_of_verdicts_says_where_the_condition_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "TITLES", {"paper": "own arm", "other": "other arm"})
     columns = {"paper": {"under_condition": True}, "other": {"under_condition": False}}
     row = {"id": "4b", "gist": "g", "verdict": "v", "condition": "c", "holds": dict.fromkeys(columns, False)}
-    text = tables.verdicts([row | {"values": columns}], {"paper": "own arm", "other": "other arm"})
+    text = tables.verdicts([row | {"values": columns}])
     assert text.splitlines()[-1] == "| 4b | g | **v** (c) | holds under the condition | fails |"
 
 
