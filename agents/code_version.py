@@ -21,10 +21,6 @@ DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz"}
 def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:
     """Return a hash of modules, of all that they import, and of the data that these read.
 
-    Args:
-        modules: their names.
-        without: names of modules that have no part in the result, neither they nor what only they import.
-
     Raises:
         ImportError: if there is none of a name.
     """

@@ -77,10 +77,6 @@ class Entry:
     def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
         """Return the policy with its nominal environment on a task.
 
-        Args:
-            task: a name in `terms.TASKS`.
-            fresh: make them anew; else each process makes them once.
-
         Raises:
             TypeError, ValueError: if the policy cannot do this task, or is none.
         """
@@ -189,9 +185,6 @@ LATE = (
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
     """Return all entries.
-
-    Args:
-        added: sources of further entries, or names of JSON files with the fields of one.
 
     Raises:
         ValueError: if two have the same name, or a file does not hold an entry.

@@ -186,13 +186,6 @@ def _run(
     An environment whose episode is over begins another one, which has no part in the result, as vector environments
     do: a policy meets nothing that it does not know from there.
 
-    Args:
-        env: the batch, a vector environment.
-        view: the same, with the attributes of a FlexArm environment.
-        nominal: environment that the policy was made for.
-        episodes: one for each environment.
-        calls: they cover the batch.
-
     Returns:
         Plain values of each episode.
     """
@@ -267,10 +260,6 @@ def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | Non
 
     Strain gauges keep their calibration on an arm with other shapes: the nominal arm's modal coordinates are read off
     the true deflection by the best fit in the mean square over mass, which is linear.
-
-    Args:
-        env: the environment, single or vector.
-        nominal: the environment that a policy was made for; its options select the same observation.
 
     Raises:
         ValueError: if observations differ in more than the modal coordinates.

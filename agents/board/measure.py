@@ -37,11 +37,6 @@ DIGITS = 6  # of the figures in the board's file
 def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Entry]:
     """Return entries by their names.
 
-    Args:
-        names: those that are wanted; none: all.
-        without: those that are left out.
-        added: further entries, see `all_entries`; they are wanted, too.
-
     Raises:
         ValueError: for an unknown name, or an entry that there cannot be.
     """

@@ -41,11 +41,7 @@ def lap_summary(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def point_summary(result: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Add up the episodes of a cell, by their laps; "all" where the task has none.
-
-    Args:
-        result: of a cell (`episodes.run_points`); None: it is missing.
-    """
+    """Add up the episodes of a cell, by their laps; "all" where the task has none."""
     if result is None or "not_applicable" in result:
         return None if result is None else dict(result)
     laps: dict[str, list[Mapping[str, Any]]] = {}
@@ -65,11 +61,7 @@ def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None
 
 
 def counted(laps: Sequence[Mapping[str, Any]]) -> float:
-    """Return the mean error of laps of which each lost one counts with `LIMIT` [m].
-
-    Args:
-        laps: see `lap_summary`; one at least.
-    """
+    """Return the mean error of laps of which each lost one counts with `LIMIT` [m]."""
     errors = sum(one["lost"] * LIMIT for one in laps)
     errors += sum((one["episodes"] - one["lost"]) * one["rms"]["mean"] for one in laps if one["rms"] is not None)
     return float(errors / sum(one["episodes"] for one in laps))
@@ -109,12 +101,7 @@ def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict
 
 
 def spans(values: Sequence[float], some: Sequence[float]) -> str:
-    """Write values of an axis, neighbours together: "0.3 to 1".
-
-    Args:
-        values: of the axis, in order.
-        some: of them, one at least.
-    """
+    """Write values of an axis, neighbours together: "0.3 to 1"."""
     runs: list[list[float]] = []
     for before, value in zip([None, *values], values, strict=False):
         if value in some:

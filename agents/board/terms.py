@@ -45,10 +45,6 @@ TASKS: dict[str, BoardTask] = {
 def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, Any]:
     """Return the part of an environment's options that is an entry's own.
 
-    Args:
-        options: of the environment that the entry was made for.
-        strict: refuse others; else the board's terms replace them.
-
     Raises:
         ValueError: naming an option that is not an entry's to choose.
     """

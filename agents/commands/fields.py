@@ -56,11 +56,7 @@ def _shown(value: Any) -> str:
 
 
 def _reading(hint: Any) -> dict[str, Any]:
-    """Return how `add_argument` reads a value of a type.
-
-    Args:
-        hint: of a field: a plain type, a mapping, a choice, a tuple of any length, or one of these or None.
-    """
+    """Return how `add_argument` reads a value of a type."""
     if NoneType in get_args(hint):
         (inner,) = set(get_args(hint)) - {NoneType}
         reading = _reading(inner)

@@ -43,12 +43,7 @@ file by which VecNormalize scaled what these models observe; unpickled, too. {WI
 
 
 def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
-    """Add arguments that say where policies run, and how models are read.
-
-    Args:
-        parser: gets `--options`, `--arm`, `--environment`, `--stable-baselines3` and `--vec-normalize`.
-        where: policies run without `--environment`.
-    """
+    """Add arguments that say where policies run, and how models are read."""
     add_options(parser, "options of the environments, for all")
     parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, their own")
     environment = f"environment in which all policies run; without it, {where}"
@@ -77,11 +72,6 @@ def _is_training(source: str) -> bool:
 
 def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
     """Make what POLICY names, with its environment.
-
-    Args:
-        source: POLICY.
-        given: has the arguments of `add_environment`.
-        own: a training runs in the environment that it was trained in, as one with an arm of its own always does.
 
     Raises:
         FileNotFoundError, ImportError, TypeError, ValueError: see `evaluation.candidates` and `Entry.on`.

@@ -11,12 +11,7 @@ _GAP = "  "
 
 
 def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
-    """Write rows with their columns in line.
-
-    Args:
-        rows: all of one length; headers are rows like others.
-        right: columns between the first and the last are figures, to stand at the right of their columns.
-    """
+    """Write rows with their columns in line."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
 
     def line(row: Sequence[str]) -> str:

@@ -34,10 +34,6 @@ def run(arguments: Sequence[str]) -> None:
 def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> Reader:
     """Return the parser of the arguments.
 
-    Args:
-        algorithm: one of `ALGORITHMS`; its tuned settings for the environment are the defaults.
-        environment: id.
-
     Raises:
         ValueError: if there is no such algorithm or environment.
     """
