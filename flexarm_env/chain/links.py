@@ -10,6 +10,7 @@ from flexarm_env.chain import model as chain
 from flexarm_env.parameters import ArmParameters
 
 Array = NDArray[np.float64]
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class Chain:
@@ -55,6 +56,16 @@ class Chain:
         """
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = angles, rates
+
+    def get_state(self) -> Array:
+        """Return all that decides how it moves on. Shape (k,)."""
+        state = np.zeros(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self.data, state, STATE)
+        return state
+
+    def set_state(self, state: Array) -> None:
+        """Go on from a state of the same chain."""
+        mujoco.mj_setState(self.model, self.data, state, STATE)
 
     # --- what it is --------------------------------------------------------------------------------------------------
 

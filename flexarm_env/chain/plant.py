@@ -56,6 +56,20 @@ class ChainPlant:
 
     def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
         """See `Plant.begin`."""
+        self._take(quantities)
+        self.chain.pose(*(self._angles(half) for half in np.split(state, 2)))
+
+    def get_state(self) -> Array:
+        """See `Plant.get_state`."""
+        return self.chain.get_state()
+
+    def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
+        """See `Plant.set_state`."""
+        self._take(quantities)
+        self.chain.set_state(state)
+
+    def _take(self, quantities: Mapping[str, float]) -> None:
+        """Be the chain of an episode with these quantities."""
         own = self._arm.parameters
         factor = quantities["stiffness"]
         first, second = own.flexural_rigidities
@@ -67,7 +81,6 @@ class ChainPlant:
         )
         if parameters != self.chain.parameters:
             self._build(parameters)
-        self.chain.pose(*(self._angles(half) for half in np.split(state, 2)))
 
     def advance(self, command: Array, reference: Four | None) -> Sequence[float] | Array:
         """See `Plant.advance`."""

@@ -29,6 +29,7 @@ from flexarm_env.envs.kernel_inputs import (
 from flexarm_env.envs.observation import common_layout, sensors_of
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.states import States, Views, Words
 from flexarm_env.episode import reset
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
 from flexarm_env.kernels.layout import sizes_between
@@ -101,7 +102,13 @@ class BatchSimulator(LaneBatch):
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])
         super().__init__(self._lanes(variant, kinds, kind_of), threads)
-        self._put_rows([fixed_rows(one) for one in kinds], kind_of)
+        rows = [fixed_rows(one) for one in kinds]
+        self._put_rows(rows, kind_of)
+        views = Views(
+            *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
+            *(self.observations, self._paths),
+        )
+        self._states = States(views, self._variant, frozenset(rows[0]), len(self._plant_state()))
         self.failures = failures(settings.flexible_arm.size) | REASONS
         self.usual_requests = self._reset_requests[:count].copy()
         self.usual_requests.setflags(write=False)
@@ -190,6 +197,31 @@ class BatchSimulator(LaneBatch):
         """Return one environment's present results (columns: `parts`) in a new array. Shape (k,)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
+
+    def get_states(self, rows: NDArray[np.int64], generators: Words) -> Words:
+        """Return the states of some environments (`states.States.read`). Shape (n, k)."""
+        return self._states.read(rows, generators, self._plant_state())
+
+    def set_states(self, given: Any, rows: NDArray[np.int64]) -> Words:
+        """Set some environments to states, and return these (`states.States`). Shape (1 or n, k).
+
+        Raises:
+            TypeError, ValueError: for states that cannot be theirs.
+        """
+        states = self._states.checked(given, len(rows))
+        self._set_plant_state(self._states.write(states, rows))
+        first = self._rows["STATE"][0]
+        count = self._results.stop - self._results.start
+        assert first == self._results.start
+        self.results = self._get("STATE", count)
+        return states
+
+    def _plant_state(self) -> Array:
+        """Return what another engine's plant adds to a state. Shape (k,)."""
+        return np.zeros(0)
+
+    def _set_plant_state(self, state: Array) -> None:
+        """Set another engine's plant to its part of a state, once the environment's own part is set."""
 
     def episode_data(self) -> Array:
         """Return the rows that describe the present episodes, EPISODE to BRANCH, in a new array. Shape (N, k)."""

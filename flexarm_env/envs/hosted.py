@@ -71,6 +71,12 @@ class Plant(Protocol):
     def drawing(self) -> Drawing:
         """Return where its lines are now."""
 
+    def get_state(self) -> Array:
+        """Return what decides how it moves on, beside the quantities of the episode. Shape (k,), always the same."""
+
+    def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
+        """Go on from a state that `get_state` has returned in an episode with these quantities, to the last bit."""
+
 
 class HostedSimulator(BatchSimulator):
     """One environment around another engine's arm.
@@ -95,6 +101,12 @@ class HostedSimulator(BatchSimulator):
     def drawing(self, index: int, result: Array) -> Drawing:
         """See `BatchSimulator.drawing`."""
         return self.plant.drawing()
+
+    def _plant_state(self) -> Array:
+        return self.plant.get_state()
+
+    def _set_plant_state(self, state: Array) -> None:
+        self.plant.set_state(state, self._quantities())
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -154,9 +166,12 @@ class HostedSimulator(BatchSimulator):
     def _begin(self) -> None:
         arm = self.settings.flexible_arm
         y, v = (self._part(name) for name in ("Y", "V"))
-        quantities = dict(zip(DRAWN, self._part("EPISODE").tolist(), strict=True))
-        self.plant.begin(arm.public_state(np.concatenate([y, v])), quantities)
+        self.plant.begin(arm.public_state(np.concatenate([y, v])), self._quantities())
         self._slots[int(self._clocks[0, clock_row.HEAD, 0])] = self.plant.readings()
+
+    def _quantities(self) -> dict[str, float]:
+        """Return the quantities of the episode by name."""
+        return dict(zip(DRAWN, self._part("EPISODE").tolist(), strict=True))
 
     def _chord(self, steps: int) -> Four:
         """Return the reference over an integration step that begins some steps after now."""

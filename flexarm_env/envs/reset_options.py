@@ -26,7 +26,8 @@ OPTIONS = {
     "direction": "of the lap: " + ", ".join(f'"{name}"' for name in DIRECTION_CODES),
     "elbow_branch": "side of theta2 of the rigid arm on the target: " + ", ".join(f'"{name}"' for name in BRANCH_CODES),
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
-    "state": "initial state in the public order, shape (4 + 4 m,)",
+    "state": "initial state of the arm in the public order, shape (4 + 4 m,); clock, sensors' memory, last actions and "
+    "random numbers begin anew (`get_state` and `set_state` keep them)",
 }
 
 

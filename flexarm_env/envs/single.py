@@ -28,8 +28,9 @@ from flexarm_env.envs.info import Episode, InfoMaker, episodes
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
-from flexarm_env.envs.seeding import new_keys
+from flexarm_env.envs.seeding import generator_words, new_keys, set_generator
 from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.states import GENERATOR, Words
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, finite_array, real_array, shown
 
@@ -248,6 +249,47 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             self._scene.add(result)
             self._show(result)
         return simulator.single_observation.copy(), reward, terminated, False, info
+
+    def get_state(self) -> Words:
+        """Return all that decides how the episode goes on, and what is random after it. Shape (k,), uint64.
+
+        A wrapper's memory, such as the count of Gymnasium's time limit, is not part of it.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        if not self._started:
+            raise RuntimeError("get_state() before reset(): there is no state")
+        return self.simulator.get_states(self._begin, generator_words(self.np_random)[None])[0]
+
+    def set_state(self, state: Words) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Go on from a state, to the last bit.
+
+        Args:
+            state: of an environment with the same options, single or in a batch (`get_state`). Limits, gains, noise,
+                weights of the reward and ranges of draws may differ; those of this environment count. Shape (k,).
+
+        Returns:
+            Observation and info of the state.
+
+        Raises:
+            TypeError, ValueError: for anything else, or the state of an environment with other options.
+            RuntimeError: before the first reset.
+        """
+        if not self._started:
+            raise RuntimeError("set_state() before reset(): call reset() once")
+        (own,) = self.simulator.set_states(state, self._begin)
+        set_generator(self.np_random, own[GENERATOR])
+        if self._scene is not None:
+            self._scene.begin(self.simulator.result(0))
+        return self.simulator.single_observation.copy(), self._info()[0]
+
+    def _info(self) -> tuple[dict[str, Any], bool]:
+        """Return the info of the present instant, and whether the episode has terminated."""
+        info, (_, status) = self._infos.read(), self.simulator.single_end
+        if status != 0.0:
+            info["end_code"] = self._infos.codes[status]
+        return info, status != 0.0
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the present instant. Shape (size, size, 3); None in "human" mode, where a window shows it.

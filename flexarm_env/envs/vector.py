@@ -34,6 +34,7 @@ from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FlexArmEnvBase, rounded
+from flexarm_env.envs.states import GENERATOR, Words
 from flexarm_env.validation import choice, entries, finite_array, integer, mapping, real_array, shown
 
 Array = NDArray[np.float64]
@@ -210,6 +211,51 @@ class FlexArmVectorEnv(
         self._remember(begun)
         return self._observations(), rewards, terminated, truncated, infos
 
+    def get_state(self, rows: Sequence[int] | Indices | None = None) -> Words:
+        """Return the states of environments; see `FlexArmEnv.get_state`. Shape (n, k), uint64.
+
+        Args:
+            rows: indices of the environments; None: all.
+
+        Raises:
+            ValueError: for other indices.
+            RuntimeError: before the first reset.
+        """
+        chosen = self._chosen("get_state", rows)
+        return self.simulator.get_states(chosen, self._keys.words(chosen))
+
+    def set_state(
+        self, state: Words, rows: Sequence[int] | Indices | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Let environments go on from states, to the last bit; see `FlexArmEnv.set_state`.
+
+        An environment that is set to an ended episode begins the next one as `autoreset_mode` says.
+
+        Args:
+            state: one for all of these environments, or one for each. Shape (k,) or (n, k).
+            rows: indices of the environments that are set; None: all.
+
+        Returns:
+            Observations and infos of all environments.
+
+        Raises:
+            TypeError, ValueError: for anything else, or states of environments with other options.
+            RuntimeError: before the first reset.
+        """
+        chosen = self._chosen("set_state", rows)
+        own = self.simulator.set_states(state, chosen)
+        self._keys.set_words(chosen, own[:, GENERATOR])
+        results = self.simulator.results
+        status = results[:, self._status]
+        over = np.zeros(self.num_envs, dtype=bool)
+        over[self._ended] = True
+        over[chosen] = (status[chosen] != 0.0) | (results[chosen, self._time] > self._longest)
+        self._ended = over.nonzero()[0]
+        self._remember(chosen)
+        infos = self._infos.batch()
+        infos["end_code"][self._ended] = [self._infos.codes[each] for each in status[self._ended].tolist()]
+        return self._observations(), infos
+
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Draw a picture of each environment. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
@@ -223,6 +269,19 @@ class FlexArmVectorEnv(
         self.simulator.close()
 
     # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _chosen(self, caller: str, rows: Sequence[int] | Indices | None) -> Indices:
+        """Return the indices of the environments that a caller asks for."""
+        if not self._started:
+            raise RuntimeError(f"{caller}() before reset(): there are no states")
+        if rows is None:
+            return np.arange(self.num_envs)
+        chosen = np.asarray(rows)
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
+            raise ValueError(f"rows = {shown(rows)}: must be indices of environments")
+        if chosen.min() < 0 or chosen.max() >= self.num_envs or len(np.unique(chosen)) < len(chosen):
+            raise ValueError(f"rows = {shown(rows)}: must be from 0 to {self.num_envs - 1}, each only once")
+        return chosen.astype(np.int64)
 
     def _mask(self, mask: Any) -> Flags:
         if mask is None:

@@ -64,6 +64,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/tutorials/first_agent": "Train a policy by reinforcement learning and compare it with others.",
             "docs/tutorials/your_controller": "Write a controller in three steps and score it.",
             "docs/tutorials/late_sensor": "See what a late sensor costs, and use a filter that knows the delay.",
+            "docs/tutorials/sampling": "Plan by sampling 1024 candidates from a state: CEM and MPPI.",
             "docs/tutorials/sim_to_chain": "Move a controller to an arm that its model does not contain.",
             "docs/tutorials/*": "",
             "docs/notebooks/control_engineers": "The arm as a plant: poles, zeros, margins, LQG.",

@@ -12,7 +12,11 @@ from scripts.common.markdown import DOCS
 from scripts.docs.steps import TUTORIALS, steps
 
 # Pages whose kernels no other fast test compiles, or that take long.
-LONG = (DOCS / "derivatives.md", DOCS / "optimal.md", TUTORIALS["first_agent"], TUTORIALS["late_sensor"])
+LONG = (
+    DOCS / "derivatives.md",
+    DOCS / "optimal.md",
+    *(TUTORIALS[one] for one in ("first_agent", "late_sensor", "sampling")),
+)
 # The snippets' own functions have no annotations, and torch's tensors stand for sequences.
 HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'
 

@@ -95,6 +95,18 @@ def test_a_copy_goes_on_by_itself() -> None:
     assert_same(twin.step(action), after)
 
 
+def test_a_state_is_the_chains_too() -> None:
+    """With another payload, whose chain is built anew."""
+    env, other = make(**RANDOM), make(**RANDOM)
+    played(env, 0, 3)
+    played(other, 1, 2)
+    state = env.unwrapped.get_state()
+    expected = [env.step(action) for action in actions_for(4)]
+    for one in (other, env):
+        one.unwrapped.set_state(state)
+        np.testing.assert_equal([one.step(action) for action in actions_for(4)], expected)
+
+
 def test_a_picture_shows_the_chain() -> None:
     pytest.importorskip("pygame")
     env = make(render_mode="rgb_array")

@@ -1,0 +1,206 @@
+"""States of environments: all that decides how an episode goes on, as one row of words for each environment.
+
+An environment that is set to the state of another one with the same options goes on like it, to the last bit, whatever
+the sizes of their batches: arm, delay line, clock, last actions, random numbers to come. Options stay where they are:
+limits, gains, noise and the ranges of what is drawn are those of the environment that is set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from hashlib import sha256
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.kernels.entries import Setting, clock_row, word
+from flexarm_env.kernels.variants import Variant
+from flexarm_env.validation import shown
+
+Words = NDArray[np.uint64]
+Indices = NDArray[np.int64]
+# Words of the header on which the meaning of a state's words depends.
+_MEANING = ("SUBSTEPS", "CHANNELS", "KEPT_ACTIONS", "PREVIEWS", "COMMANDS", "SHIFTING", "PATH_NAMES")
+_CHECK, _STAMP, _READINGS = 0, 1, 2  # places of a state's first words
+GENERATOR = slice(3, 8)  # the generator of the keys of later episodes (`seeding.generator_words`)
+_FIRST = 8
+
+
+class Views(NamedTuple):
+    """A batch's memory, as far as states are concerned.
+
+    Attributes:
+        header: see `entries.Header`.
+        settings: see `entries.Setting`.
+        arenas: Shape (blocks, rows, lanes).
+        histories: Shape (blocks, slots, slot rows, lanes).
+        clocks: Shape (blocks, `ClockRow`, lanes).
+        keys: Shape (blocks * lanes,).
+        observations: Shape (blocks * lanes, k), float32.
+        paths: Shape (paths, n, 5).
+    """
+
+    header: NDArray[np.int64]
+    settings: NDArray[np.float64]
+    arenas: NDArray[np.float64]
+    histories: NDArray[np.float64]
+    clocks: NDArray[np.int64]
+    keys: NDArray[np.uint64]
+    observations: NDArray[np.float32]
+    paths: NDArray[np.float64]
+
+
+class States:
+    """Reads and writes the states of a batch's environments."""
+
+    def __init__(self, views: Views, variant: Variant, fixed: frozenset[str], beside: int) -> None:
+        """Find the places of everything.
+
+        Args:
+            views: of the batch's memory.
+            variant: of its kernels.
+            fixed: names of the rows that no episode changes, which stay where they are.
+            beside: words that another engine's plant adds.
+        """
+        self._views = views
+        self._lanes = lanes = views.arenas.shape[2]
+        blocks = len(views.arenas)
+        clocks = [clock_row.STEPS, clock_row.SINCE, clock_row.BEGAN]
+        if not variant.own_paths:
+            clocks.append(clock_row.PATH)
+        parts: list[NDArray[Any]] = [views.keys.reshape(blocks, 1, lanes)]
+        parts += [views.clocks[:, one : one + 1] for one in clocks]
+        parts += [views.arenas[:, low:high] for low, high in _runs(variant, fixed, views.arenas.shape[1])]
+        if variant.own_paths:  # one for each lane
+            parts.append(np.moveaxis(views.paths.reshape(blocks, lanes, -1), 1, 2))
+        self._path = _FIRST + len(clocks) if not variant.own_paths else None
+        self._parts, end = [], _FIRST
+        for part in parts:
+            # the lane before the number, so that both indices of a lane stand together
+            self._parts.append((slice(end, end + part.shape[1]), np.moveaxis(part.view(np.uint64), 2, 1)))
+            end += part.shape[1]
+        self._history = slice(end, end + views.histories[0, :, :, 0].size)
+        self._observed = slice(self._history.stop, self._history.stop + (views.observations.shape[1] + 1) // 2)
+        self._beside = slice(self._observed.stop, self._observed.stop + beside)
+        self.size = self._beside.stop
+        header = views.header
+        paths = None if variant.own_paths else views.paths.tobytes()
+        meaning = (
+            *(replace(variant, lanes=1, disturbed=False).kind, variant.rows, variant.own_paths, fixed, self.size),
+            *((name, int(header[getattr(word, name)])) for name in _MEANING),
+            *(header[word.PLACES :].tobytes(), views.paths.shape[1:], paths, views.histories.shape[1:3]),
+            *(float(views.settings[Setting.layout(variant.shape)[name][0]]) for name in ("STEP", "PERIOD")),
+        )
+        self._stamp = np.frombuffer(sha256(repr(meaning).encode()).digest()[:8], np.uint64)[0]
+
+    def read(self, rows: Indices, generators: Words, beside: NDArray[np.float64]) -> Words:
+        """Return the states of some environments.
+
+        Args:
+            rows: their indices. Shape (n,).
+            generators: see `GENERATOR`. Shape (n, 5).
+            beside: of another engine's plant. Shape (`beside`,).
+        """
+        views = self._views
+        block, lane = np.divmod(rows, self._lanes)
+        states = np.empty((len(rows), self.size), dtype=np.uint64)
+        states[:, _STAMP] = self._stamp
+        states[:, _READINGS] = views.header[word.READINGS : word.READINGS + 1].view(np.uint64)
+        states[:, GENERATOR] = generators
+        for place, part in self._parts:
+            states[:, place] = part[block, lane]
+        history = views.histories[block[:, None], self._slots(block), :, lane[:, None]]
+        states[:, self._history] = history.reshape(len(rows), -1).view(np.uint64)
+        observed = np.zeros((len(rows), 2 * (self._observed.stop - self._observed.start)), dtype=np.float32)
+        observed[:, : views.observations.shape[1]] = views.observations[rows]
+        states[:, self._observed] = observed.view(np.uint64)
+        states[:, self._beside] = beside.view(np.uint64)
+        states[:, _CHECK] = [_sum(state) for state in states]
+        return states
+
+    def write(self, states: Words, rows: Indices) -> NDArray[np.float64]:
+        """Set some environments to states that `checked` has accepted.
+
+        Args:
+            states: one for all of them, or one for each. Shape (1 or n, `size`).
+            rows: their indices, each once. Shape (n,).
+
+        Returns:
+            What another engine's plant has added to the first of the states. Shape (`beside`,).
+        """
+        views = self._views
+        views.header[word.READINGS] |= np.bitwise_or.reduce(states[:, _READINGS]).view(np.int64)
+        history = states[:, self._history].view(np.float64).reshape(len(states), *views.histories.shape[1:3])
+        observed = states[:, self._observed].copy().view(np.float32)
+        views.observations[rows] = observed[:, : views.observations.shape[1]]
+        for block, lanes, chosen in self._shares(rows):
+            some = slice(None) if len(states) == 1 else chosen
+            for place, part in self._parts:
+                part[block][lanes] = states[some, place]
+            ring = np.empty_like(history[some])
+            ring[:, self._slots(np.array([block]))[0]] = history[some]
+            np.moveaxis(views.histories[block], 2, 0)[lanes] = ring
+        return states[0, self._beside].view(np.float64)
+
+    def _shares(self, rows: Indices) -> Iterator[tuple[int, Any, Any]]:
+        """Yield for each block its lanes among the rows, and the places of these rows; slices where that is faster."""
+        block, lane = np.divmod(rows, self._lanes)
+        if len(rows) == rows[-1] - rows[0] + 1 and np.all(np.diff(rows) == 1):
+            for one in range(block[0], block[-1] + 1):
+                low, high = np.searchsorted(block, [one, one + 1]).tolist()
+                yield one, slice(lane[low], lane[high - 1] + 1), slice(low, high)
+            return
+        for one in np.unique(block).tolist():
+            chosen = np.flatnonzero(block == one)
+            yield one, lane[chosen], chosen
+
+    def _slots(self, block: Indices) -> Indices:
+        """Return the slots of the delay lines of some blocks, the newest first. Shape (n, slots)."""
+        count = self._views.histories.shape[1]
+        return (self._views.clocks[block, clock_row.HEAD, 0][:, None] - np.arange(count)) % count
+
+    def checked(self, given: Any, count: int) -> Words:
+        """Return states as `write` takes them.
+
+        Args:
+            given: one state, or one for each of the environments that are set.
+            count: number of these environments.
+
+        Raises:
+            TypeError, ValueError: for anything else, for states of environments with other options, or damaged ones.
+        """
+        if not isinstance(given, np.ndarray) or given.dtype != np.uint64:
+            raise TypeError(f"state = {shown(given)}: must be an array of uint64 that get_state() has returned")
+        states = np.ascontiguousarray(given[None] if given.ndim == 1 else given)
+        if states.ndim != 2 or len(states) not in (1, count):
+            allowed = "(k,)" if count == 1 else f"(k,) or ({count}, k)"
+            raise ValueError(f"state: must have shape {allowed}, got {given.shape}")
+        for n, state in enumerate(states):
+            if len(state) <= _STAMP or state[_STAMP] != self._stamp or len(state) != self.size:
+                raise ValueError(
+                    f"state[{n}]: is of an environment with other options; those that decide what is simulated, "
+                    "observed and kept (arm's shapes, action_mode, sensors, observation, reference, control_period, "
+                    "delays, physics_step) must be the same"
+                )
+            if state[_CHECK] != _sum(state):
+                raise ValueError(f"state[{n}]: its check sum is wrong; must be as get_state() has returned it")
+        return states
+
+
+def _runs(variant: Variant, fixed: frozenset[str], end: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last row but one of each run of an arena's rows that belong to states."""
+    begin = 0
+    for name, (first, count) in variant.rows.items():
+        if name in fixed and count:
+            if first > begin:
+                yield begin, first
+            begin = first + count
+    if end > begin:
+        yield begin, end
+
+
+def _sum(state: Words) -> int:
+    return crc32(state[_STAMP:].data)

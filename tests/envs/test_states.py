@@ -1,0 +1,157 @@
+"""States: what is set to one goes on to the same bits, alone or among others; other states are refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.envs.test_seeds import NOISY, digest, noisy
+from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, vector
+from tests.support.refusals import refuses
+
+REACH = "FlexArm/Reach-v0"
+
+
+def run(env: FlexArmEnv, steps: int) -> list[Any]:
+    """Step, with a reset in the middle, and return all that is seen."""
+    seen: list[Any] = []
+    for k in range(steps):
+        action = np.full(env.action_space.shape or (), 0.4 * (k % 3 - 1.0), np.float32)
+        seen.append(env.reset() if k == steps // 2 else env.step(action))
+    return seen
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER, REACH])
+@pytest.mark.usefixtures("uncompiled")
+def test_an_environment_goes_back_to_a_state(env_id: str) -> None:
+    env = bare(env_id, **noisy(env_id))
+    env.reset(seed=3)
+    digest(env, 12)
+    state = env.get_state()
+    expected = run(env, 16)
+    observation, info = env.set_state(state)
+    np.testing.assert_array_equal(env.get_state(), state)
+    np.testing.assert_equal(run(env, 16), expected)
+    env.set_state(state)
+    np.testing.assert_equal((env.simulator.single_observation, env._infos.read()), (observation, info))
+
+
+def test_another_environment_goes_on_in_its_place() -> None:
+    """Into some rows of a batch of several blocks, which is elsewhere in its delay line, and back into one alone."""
+    env, other = bare(**NOISY), bare(**NOISY)
+    env.reset(seed=3)
+    digest(env, 23)
+    state = env.get_state()
+    envs: FlexArmVectorEnv = vector(SQUARE, 11, **NOISY)
+    envs.reset(seed=5)
+    digest(envs, 7)
+    rows = [9, 1]
+    before = envs.get_state()
+    observations, infos = envs.set_state(state, rows)
+    others = np.delete(np.arange(11), rows)
+    np.testing.assert_array_equal(envs.get_state(others), before[others])
+    other.reset(seed=1)
+    observation, info = other.set_state(envs.get_state([9])[0])
+    for row in rows:
+        np.testing.assert_array_equal(observations[row], observation)
+        assert infos["tip_error"][row] == info["tip_error"]
+    for _ in range(30):
+        action = np.array([0.3, -0.1], np.float32)
+        seen, again = env.step(action), other.step(action)
+        np.testing.assert_equal(again, seen)
+        many = envs.step(np.tile(action, (11, 1)))
+        for row in rows:
+            np.testing.assert_array_equal(many[0][row], seen[0])
+            assert many[1][row] == seen[1]
+    reset = env.reset()
+    envs.reset(options={"reset_mask": np.isin(np.arange(11), rows)})
+    np.testing.assert_array_equal(envs.simulator.observations[1], reset[0])
+    np.testing.assert_array_equal(envs.simulator.observations[9], reset[0])
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_a_batch_goes_back_across_the_ends_of_episodes(mode: str) -> None:
+    envs = vector(SQUARE, 11, max_episode_steps=6, autoreset_mode=mode, **NOISY)
+    envs.reset(seed=3)
+    digest(envs, 6)  # with the next-step mode all have ended, and begin at the next step
+    states = envs.get_state()
+    found = digest(envs, 15)
+    envs.set_state(states)
+    assert digest(envs, 15) == found
+    envs.set_state(states[:4], [7, 6, 5, 4])
+    np.testing.assert_array_equal(envs.get_state([4, 5, 6, 7]), states[3::-1])
+
+
+def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
+    env = bare(SQUARE, randomisation={"payload_mass": (0.0, 0.5)})
+    env.reset(seed=3)
+    strict = bare(SQUARE, deflection_limit=0.01, reward_weights={"tracking_wide": 3.0})
+    strict.reset(seed=1)
+    _, info = strict.set_state(env.get_state())
+    assert strict.episode.parameters["payload_mass"] == env.episode.parameters["payload_mass"] > 0.0
+    assert info["end_code"] == 0.0
+    action = np.ones(2, np.float32)
+    (_, reward, ended, _, _), (_, usual, going, _, _) = strict.step(action), env.step(action)
+    while not (ended or going):
+        _, reward, ended, _, _ = strict.step(action)
+        _, usual, going, _, _ = env.step(action)
+    assert ended
+    assert not going
+    assert reward != usual
+    assert strict.set_state(strict.get_state())[1]["end_code"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "change", "message"),
+    [
+        ({"delay": 0.05}, None, "is of an environment with other options"),
+        ({"observation": ["joint_rates"]}, None, "is of an environment with other options"),
+        ({"reference": "circle"}, None, "is of an environment with other options"),
+        ({}, lambda state: state[:-1], "is of an environment with other options"),
+        ({}, lambda state: state[:0], "is of an environment with other options"),
+        ({}, lambda state: state ^ (np.arange(len(state)) == 99).astype(np.uint64), "its check sum is wrong"),
+        ({}, lambda state: state[None, None], r"must have shape \(k,\), got \(1, 1"),
+        ({}, lambda state: np.stack([state, state]), r"must have shape \(k,\), got \(2"),
+        ({}, lambda state: state.astype(float), "must be an array of uint64 that get_state"),
+        ({}, list, "must be an array of uint64"),
+    ],
+)
+def test_other_states_are_refused_and_change_nothing(options: dict[str, Any], change: Any, message: str) -> None:
+    source, env = bare(**options), bare()
+    source.reset(seed=0)
+    env.reset(seed=1)
+    before = env.get_state()
+    state = source.get_state()
+    with pytest.raises((TypeError, ValueError), match=message):
+        env.set_state(change(state) if change else state)
+    np.testing.assert_array_equal(env.get_state(), before)
+
+
+@pytest.mark.parametrize("rows", [[3], [-1], [0, 0], [], [0.0], 1, [True, False, True]])
+def test_rows_are_indices(rows: Any) -> None:
+    envs = vector(SQUARE, 3)
+    envs.reset(seed=0)
+    for call in (envs.get_state, lambda rows: envs.set_state(envs.get_state([0])[0], rows)):
+        with refuses(ValueError, "rows = "):
+            call(rows)
+
+
+def test_before_the_first_reset_there_is_no_state() -> None:
+    state = np.zeros(3, np.uint64)
+    for env in (FlexArmEnv(), FlexArmVectorEnv(2)):
+        with refuses(RuntimeError, "get_state() before reset()"):
+            env.get_state()
+        with refuses(RuntimeError, "set_state() before reset()"):
+            env.set_state(state)
+
+
+def test_another_generator_is_refused() -> None:
+    env = bare()
+    env.reset(seed=0)
+    env.np_random = np.random.Generator(np.random.MT19937(0))
+    with refuses(TypeError, "np_random: its bit generator is MT19937; must be PCG64"):
+        env.get_state()
