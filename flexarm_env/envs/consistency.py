@@ -12,7 +12,7 @@ from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
 from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
-from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, shown
+from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, real_array, shown
 
 
 def _is_mounted(sensor: Sensor) -> Callable[[Any], bool]:
@@ -53,6 +53,10 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
         for name in sensor.option_names
     },
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
+    "lap_time": (
+        lambda s: lap_of(s.waypoints) in (None, s.lap_time),
+        "with way-points without times; otherwise the last one's time is the lap time",
+    ),
     "side": (_on_a_named_path, _NAMED),
     "start_corner": (_on_a_named_path, _NAMED),
     "direction": (_on_a_named_path, _NAMED),
@@ -177,9 +181,16 @@ def checked_paths(name: str, value: Any) -> tuple[str, ...]:
     return tuple(choice(name, one, allowed) for one in wanted)
 
 
-def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, float], ...]:
-    """Check the corners of the user's path [m]."""
-    return tuple((x, y) for x, y in finite_array(name, value, (None, 2), most=FARTHEST).tolist())
+def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
+    """Check the way-points of the user's path: x, y [m], or time [s], x, y [m]."""
+    given = real_array(name, value)
+    columns = 3 if given.ndim == 2 and given.shape[1] == 3 else 2
+    return tuple(tuple(row) for row in finite_array(name, given, (None, columns), most=FARTHEST).tolist())
+
+
+def lap_of(waypoints: tuple[tuple[float, ...], ...] | None) -> float | None:
+    """Return when way-points with times end the lap [s]; None: they have no times."""
+    return waypoints[-1][0] if waypoints and len(waypoints[0]) == 3 else None
 
 
 def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:

@@ -212,8 +212,11 @@ class Options:
         'path of the tip; of several (not "moves"), each episode draws one',
         Custom(checked_paths, text='"square", "circle", "line", "figure_eight", "waypoints", "moves"'),
     )
-    waypoints: Sequence[tuple[float, float]] | None = _option(
-        None, 'corners of the reference "waypoints"', Optional(Custom(checked_waypoints, "m"))
+    waypoints: Sequence[tuple[float, ...]] | None = _option(
+        None,
+        'of the reference "waypoints": corners of a closed path at constant speed; or each with its time before it, '
+        "from 0 to the end of the lap",
+        Optional(Custom(checked_waypoints, "m, or s, m, m")),
     )
     side: float = _option(
         12.6, "side of the square, or of the square around another path", allowed_of(SquareParameters, "side")

@@ -10,9 +10,9 @@ import gymnasium
 import numpy as np
 
 from flexarm_env.actions import MODES, TORQUE_LIMIT, ActionMode, modes_reading
-from flexarm_env.allowed import check_fields
+from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.consistency import refuse_options_without_effect
+from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
@@ -70,6 +70,8 @@ class Settings(Options):
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
+        if (lap := lap_of(self.waypoints)) is not None:  # type: ignore[arg-type]
+            object.__setattr__(self, "lap_time", allowed_of(type(self), "lap_time").check("waypoints[-1][0]", lap))
         if self.sensor_position is None:
             object.__setattr__(self, "sensor_position", arm_parameters(self.arm).link_lengths[1])
         for what in ("law", "sensor_parameters", "flexible_arm"):

@@ -1,12 +1,13 @@
 """Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
 
-A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
+A path is a polyline travelled at constant speed on each side, closed or open. The one rule that evaluates it
 (`polyline.reference_at`) is compiled into the closed loop and used here as plain Python.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
 from flexarm_env.physics.polyline import reference_at
-from flexarm_env.validation import choice, finite_array, finite_values
+from flexarm_env.validation import choice, finite_array, finite_values, real_array, shown
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,10 @@ _SIGNS = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)])
 
 
 class ReferencePath:
-    """A closed polyline with the times of its way-points.
+    """A polyline with the times of its way-points; from an open one's end the reference jumps back to its start.
 
     Attributes:
-        table: way-points (time [s], x, y [m]); the last repeats the first one lap later. Shape (n, 3).
+        table: way-points (time [s], x, y [m]); the last one ends the lap. Shape (n, 3).
     """
 
     def __init__(self, table: ArrayLike) -> None:
@@ -38,13 +39,11 @@ class ReferencePath:
             table: see the attribute.
 
         Raises:
-            ValueError: if times do not increase from 0, or the path is not closed.
+            ValueError: if times do not increase from 0.
         """
         points = finite_array("table", table, (None, 3), LARGEST_TIME)
         if len(points) < 2 or points[0, 0] != 0.0 or np.any(np.diff(points[:, 0]) <= 0.0):
-            raise ValueError(f"table[:, 0] = {points[:, 0]}: times must increase from 0, two at least [s]")
-        if np.any(points[0, 1:] != points[-1, 1:]):
-            raise ValueError(f"table[-1, 1:] = {points[-1, 1:]}: must repeat the start {points[0, 1:]} [m]")
+            raise ValueError(f"table[:, 0] = {shown(points[:, 0])}: times must increase from 0, two at least [s]")
         self.table = points
 
     def __repr__(self) -> str:
@@ -80,7 +79,7 @@ class ReferencePath:
         Raises:
             ValueError: with the way-point or side and the distance by which it misses.
         """
-        corners = self.table[:-1, 1:]
+        corners = self.table[:, 1:]
         distances = np.linalg.norm(corners, axis=1)
         worst = int(np.argmax(distances))
         miss = float(distances[worst]) - arm.reach
@@ -90,7 +89,7 @@ class ReferencePath:
                 f"shoulder; the tip reaches {arm.reach:.4g} m and misses it by {miss:.4g} m"
             )
         hole = abs(arm.link_lengths[0] - arm.link_lengths[1])
-        nearest = min(_distance_to_origin(a, b) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True))
+        nearest = min(_distance_to_origin(a, b) for a, b in pairwise(corners))
         if nearest < hole:
             raise ValueError(
                 f"path: it passes the shoulder at {nearest:.4g} m; links of {arm.link_lengths} m keep the tip "
@@ -107,7 +106,8 @@ def with_velocities(table: Array) -> Array:
 
 def _distance_to_origin(a: Array, b: Array) -> float:
     side = b - a
-    along = np.clip(-(a @ side) / (side @ side), 0.0, 1.0)
+    squared = float(side @ side)
+    along = np.clip(-float(a @ side) / squared, 0.0, 1.0) if squared else 0.0  # where the reference waits
     return float(np.linalg.norm(a + along * side))
 
 
@@ -144,16 +144,23 @@ def figure_eight(parameters: SquareParameters) -> ReferencePath:
 
 
 def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
-    """Return a closed polyline through points of the user's, at constant speed.
+    """Return a path through points of the user's.
 
     Args:
-        parameters: its lap time.
-        points: x, y [m], at least two, the first one not repeated at the end. Shape (n, 2).
+        parameters: its lap time, unless points have times.
+        points: x, y [m], at least two, the first one not repeated at the end: a closed polyline at constant speed; or
+            time [s], x, y [m], closed if the last point is the first one. Shape (n, 2) or (n, 3).
 
     Raises:
-        ValueError: if two that follow each other are the same.
+        ValueError: if times do not increase from 0, or without times two points that follow each other are the same.
     """
-    corners = finite_array("waypoints", points, (None, 2), FARTHEST)
+    given = real_array("waypoints", points)
+    if given.ndim == 2 and given.shape[1] == 3:
+        try:
+            return ReferencePath(given)
+        except ValueError as error:
+            raise ValueError(str(error).replace("table", "waypoints", 1)) from None
+    corners = finite_array("waypoints", given, (None, 2), FARTHEST)
     if len(corners) < 2:
         raise ValueError(f"waypoints: must be at least 2 points, got {len(corners)}")
     closed = np.vstack([corners, corners[:1]])

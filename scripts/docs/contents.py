@@ -21,6 +21,7 @@ MODULES = (
     "flexarm_env.parameters",
     "flexarm_env.reference_episode",
     "flexarm_env.rollout",
+    "flexarm_env.way_points",
     "flexarm_env.envs.single",
     "flexarm_env.envs.vector",
     "flexarm_baselines",
