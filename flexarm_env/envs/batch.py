@@ -6,7 +6,7 @@ Single and vector environments both use it: a single environment is a batch of o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -104,11 +104,7 @@ class BatchSimulator(LaneBatch):
         super().__init__(self._lanes(variant, kinds, kind_of), threads)
         rows = [fixed_rows(one) for one in kinds]
         self._put_rows(rows, kind_of)
-        views = Views(
-            *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
-            *(self.observations, self._paths),
-        )
-        self._states = States(views, self._variant, frozenset(rows[0]), len(self._plant_state()))
+        self._fixed = frozenset(rows[0])
         self.failures = failures(settings.flexible_arm.size) | REASONS
         self.usual_requests = self._reset_requests[:count].copy()
         self.usual_requests.setflags(write=False)
@@ -215,6 +211,14 @@ class BatchSimulator(LaneBatch):
         assert first == self._results.start
         self.results = self._get("STATE", count)
         return states
+
+    @cached_property
+    def _states(self) -> States:
+        views = Views(
+            *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
+            *(self.observations, self._paths),
+        )
+        return States(views, self._variant, self._fixed, len(self._plant_state()))
 
     def _plant_state(self) -> Array:
         """Return what another engine's plant adds to a state. Shape (k,)."""

@@ -72,7 +72,10 @@ class Plant(Protocol):
         """Return where its lines are now."""
 
     def get_state(self) -> Array:
-        """Return what decides how it moves on, beside the quantities of the episode. Shape (k,), always the same."""
+        """Return what decides how it moves on, beside the quantities of the episode. Shape (k,), always the same.
+
+        A plant without this method and `set_state` has environments whose states cannot be copied.
+        """
 
     def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
         """Go on from a state that `get_state` has returned in an episode with these quantities, to the last bit."""
@@ -103,6 +106,10 @@ class HostedSimulator(BatchSimulator):
         return self.plant.drawing()
 
     def _plant_state(self) -> Array:
+        if not hasattr(self.plant, "get_state"):
+            raise NotImplementedError(
+                f"{type(self.plant).__name__} has no get_state: states of this environment cannot be copied"
+            )
         return self.plant.get_state()
 
     def _set_plant_state(self, state: Array) -> None:

@@ -16,6 +16,7 @@ MAIN = (
     *(
         "flexarm_env.reference_episode",
         "flexarm_env.rollout",
+        "flexarm_env.way_points",
         "flexarm_baselines.controller",
         "flexarm_baselines.registry",
         "flexarm_agents",

@@ -26,6 +26,12 @@ class ModalPlant:
         self.state, self.torque = np.zeros(2 * self.arm.size), np.zeros(2)
 
     def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+        self.set_state(np.append(state, np.zeros(2)), quantities)
+
+    def get_state(self) -> Array:
+        return np.append(self.state, self.torque)
+
+    def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
         own = self.settings.flexible_arm.parameters
         rigidities = tuple(quantities["stiffness"] * each for each in own.flexural_rigidities)
         self.arm = FlexibleArm(
@@ -36,7 +42,7 @@ class ModalPlant:
                 flexural_rigidities=rigidities,
             )
         )
-        self.state, self.torque = state, np.zeros(2)
+        self.state, self.torque = state[:-2], state[-2:]
 
     def advance(self, command: Array, reference: Any) -> Array:
         self.state, self.torque = self.arm.step(self.state, command, self.step, step=self.step), command
