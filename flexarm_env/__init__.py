@@ -4,7 +4,9 @@ Importing this package registers its environments with Gymnasium; `gymnasium.mak
 imports it by itself.
 """
 
+from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.registration import register_environments
+from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.envs.warm_up import warm_up
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
@@ -23,12 +25,14 @@ __all__ = [
     "ArmParameters",
     "DivergenceError",
     "Energy",
+    "EnvOptions",
     "FlexibleArm",
     "LawParameters",
     "Linearisation",
     "Outputs",
     "ReferencePath",
     "SensorParameters",
+    "Settings",
     "SquareParameters",
     "StepJacobians",
     "Trajectory",

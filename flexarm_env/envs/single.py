@@ -15,7 +15,7 @@ A step from the first corner, where the reference leaves at full speed:
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
 from flexarm_env.envs.info import Episode, InfoMaker, episodes
+from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
@@ -162,7 +163,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": FASTEST_VIDEO}  # noqa: RUF012  (Gymnasium's own)
 
-    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, render_mode: str | None = None, **options: Unpack[EnvOptions]) -> None:
         """Lay out the environment.
 
         Args:

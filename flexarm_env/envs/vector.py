@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
+from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import reset_requests_of
@@ -75,7 +76,7 @@ class FlexArmVectorEnv(
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
         per_env: Mapping[str, Sequence[Any]] | None = None,
-        **options: Any,
+        **options: Unpack[EnvOptions],
     ) -> None:
         """Lay out the batch.
 

@@ -11,6 +11,7 @@ import pytest
 from flexarm_env.actions import MODES
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
+from scripts.docs import option_types
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, make
 from tests.support.refusals import label, refuses
 
@@ -198,3 +199,7 @@ def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
 def test_the_sensor_is_at_the_tip_of_whatever_link() -> None:
     assert FlexArmEnv(arm={"link_lengths": (3.0, 2.0)}, side=4.0, reference="line").settings.sensor_position == 2.0
     assert FlexArmEnv(sensor_position=None).settings == FlexArmEnv(sensor_position=4.5).settings
+
+
+def test_type_checkers_know_the_options() -> None:
+    assert option_types.FILE.read_text() == option_types.text(), "run: python -m scripts.docs.option_types"
