@@ -4,6 +4,7 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -88,6 +89,14 @@ def signals() -> Iterator[None]:
 
     with heeded():
         yield
+
+
+@pytest.fixture
+def flexarm(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Any:
+    """Run the command `flexarm` in an empty folder; see `support.shell`."""
+    from tests.support.shell import Shell  # after the variables above are set
+
+    return Shell(monkeypatch, capsys, tmp_path)
 
 
 @pytest.fixture

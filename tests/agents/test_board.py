@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
-from flexarm_agents.board.cells import WITHOUT_PART, Cell, Store, compute, jobs_of
+from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
@@ -151,28 +151,6 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == [
         (lap, FIRST_SEED + n) for lap in LAPS for n in range(2)
     ]
-
-
-@pytest.mark.usefixtures("uncompiled")
-def test_cells_are_kept_and_only_missing_ones_are_computed(tmp_path: Path) -> None:
-    store = Store(tmp_path / "cells")
-    wanted = [Cell.of(Entry(AGENT), point) for point in points([0.0, 1.0, 2.0])]
-    assert store.missing([*wanted, *wanted]) == wanted  # each key once
-    for job in jobs_of(wanted):
-        for cell, result in zip(wanted, compute(job), strict=True):
-            store.write(cell, result)
-    assert store.missing(wanted) == []
-    lost = store.path(wanted[1].key)
-    text = lost.read_text()
-    lost.unlink()
-    assert store.missing(wanted) == [wanted[1]]
-    (again,) = jobs_of(store.missing(wanted))
-    store.write(wanted[1], compute(again)[0])
-    assert lost.read_text() == text
-    assert store.read(wanted[1]) is not None
-    lost.write_text("{}")
-    with pytest.raises(ValueError, match="is no cell; remove it"):
-        store.read(wanted[1])
 
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,6 @@ from flexarm_agents.board.columns import Column
 from flexarm_agents.board.summary import point_summary
 from flexarm_agents.commands import evaluate, sweep
 from tests.support.boards import points
-from tests.support.refusals import refuses
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -28,12 +27,6 @@ def test_evaluate_sweeps_an_axis(
         for one in point["episodes"]:
             assert f"{one['figures']['rms']:.3f}" in told
     assert "plain lap: never lost; never error doubled" in told
-    with refuses(ValueError, "sweep = 'noises'", "noise"):
-        evaluate.run(["--policy", "square", "--sweep", "noises"])
-    with refuses(ValueError, "nothing to sweep"):
-        evaluate.run(["--sweep", "noise"])
-    with refuses(ValueError, "the board sets them"):
-        evaluate.run(["--policy", "square", "--sweep", "noise", "--laps", "3"])
 
 
 VALUES = [0.0, 5.0, 30.0, 35.0, 60.0]

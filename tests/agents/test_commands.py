@@ -59,33 +59,6 @@ def test_descriptions_fit_into_the_terminal(capsys: Captured, monkeypatch: pytes
     assert max(map(len, description.splitlines())) <= 70
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [(), ("trian",), ("show",), ("list", "7"), ("evaluate", "--lap", "3"), ("evaluate", "--options", "{")],
-)
-def test_wrong_usage_ends_with_2(capsys: Captured, arguments: tuple[str, ...]) -> None:
-    assert status(*arguments) == 2
-    err = capsys.readouterr().err
-    assert "usage: flexarm" in err
-    assert ("required: VERB\n" in err) == (not arguments)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("show", "Sqare-v0"), "error: environment = 'Sqare-v0': must be one of 'FlexArm/Paper-v0', "),
-        (("evaluate", "nobody"), "error: policy 'nobody': neither a file or folder nor a known name; shipped "),
-        (("evaluate", "--laps", "0"), "error: laps = 0: must be an integer >= 1"),
-        (("evaluate", "--no-baselines", "--no-shipped"), "error: policies: nothing to score"),
-        (("evaluate", "--no-baselines", "--options", '{"noize": 1}'), "error: "),
-    ],
-)
-def test_errors_are_one_line(capsys: Captured, arguments: tuple[str, ...], message: str) -> None:
-    assert status(*arguments) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(message)
-
-
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 141), (OSError("disk"), 1)])
 def test_other_ends(monkeypatch: pytest.MonkeyPatch, error: Any, code: int) -> None:
     def fail(arguments: object) -> None:
@@ -151,23 +124,6 @@ def test_arguments_are_read_as_their_fields_are() -> None:
     config = read_fields(reader, PPOConfig, reader.parse_args([*given.split(), "--options", '{"noise": 0.1}']))
     expected = {"hidden": (64, 32), "activation": "tanh", "learning_rate": 3e-4, "seed": 7, "initial_policy": "student"}
     assert config == PPOConfig(**expected, curriculum_options={}, options={"noise": 0.1})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--batch", "7"), "batch = 7: must divide"),
-        (("--algorithm", "sac", "--clip", "0.2"), "unrecognized arguments: --clip 0.2"),
-        (("--epochs", "many"), "argument --epochs: invalid int value: 'many'"),
-        (("--lesson-options", "[]"), "argument --curriculum-options: []: must be a JSON object"),
-        (("--epoch", "3"), "unrecognized arguments: --epoch 3; did you mean --epochs?"),
-    ],
-)
-def test_bad_arguments_of_a_training_are_wrong_usage(
-    capsys: Captured, arguments: tuple[str, ...], message: str
-) -> None:
-    assert status("train", *arguments) == 2
-    assert f"flexarm train: error: {message}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("verb", "algorithm"), [("teach", "dagger"), ("descend", "fopg")])

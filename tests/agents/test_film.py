@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from tqdm import tqdm
 
-from flexarm_agents.commands import main, render, replay
+from flexarm_agents.commands import render, replay
 from flexarm_agents.viewer.film import SENSOR, Film
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
+from tests.support.shell import Shell
 
 PIXELS = 64
 
@@ -29,14 +30,6 @@ def run() -> Trajectory:
     state[:, 0] = time
     found = arm.record(time, state, np.ones((51, 2)), reference=np.full((51, 2), 4.0), sensed=np.ones((51, 2)))
     return replace(found, notes={SENSOR: 4.0, "ended": "truncated"})
-
-
-def status(*arguments: object) -> Any:
-    try:
-        main([str(one) for one in arguments])
-    except SystemExit as end:
-        return end.code
-    return 0
 
 
 # --- which instants -----------------------------------------------------------------------------------------------
@@ -141,25 +134,25 @@ def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> No
 # --- verbs --------------------------------------------------------------------------------------------------------
 
 
-def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, flexarm: Shell) -> None:
     pytest.importorskip("pygame")
     run.save(tmp_path / "run.npz")
     picture = tmp_path / "run.png"
-    assert status("replay", tmp_path / "run.npz", "--output", picture, "--time", "0.2", "--size", PIXELS) == 0
+    ended = flexarm("replay", "run.npz", "--output", picture, "--time", "0.2", "--size", PIXELS)
     assert picture.exists()
-    assert capsys.readouterr().out == f"{picture}: written\n"
+    assert (ended.returncode, ended.stdout) == (0, f"{picture}: written\n")
 
 
-def test_replay_opens_a_window(run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replay_opens_a_window(run: Trajectory, flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    run.save(tmp_path / "run.npz")
-    assert status("replay", tmp_path / "run.npz", "--fps", "100", "--size", PIXELS, "--speed", "10") == 0
+    run.save("run.npz")
+    assert flexarm("replay", "run.npz", "--fps", "100", "--size", PIXELS, "--speed", "10").returncode == 0
     assert not pygame.display.get_init()
 
 
 def test_render_runs_an_episode_that_replay_shows_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, flexarm: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pygame")
     bars: list[tqdm[Any]] = []
@@ -171,72 +164,24 @@ def test_render_runs_an_episode_that_replay_shows_again(
     for module in (render, replay):
         monkeypatch.setattr(module, "progress_bar", bar)
     saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
-    assert status("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS) == 0
-    assert capsys.readouterr().out.startswith("joint_pd: plain lap, complete\n")
+    ended = flexarm("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS)
+    assert ended.stdout.startswith("joint_pd: plain lap, complete\n")
     assert [(one.n, one.total) for one in bars] == [(1600, 1600), (1, 1)]  # of the episode, and the picture
     assert Trajectory.load(saved).notes == {
         "ended": "truncated", "policy": "joint_pd", "environment": "FlexArm/Square-v0", "lap": "plain", SENSOR: 4.5,
     }  # fmt: skip
-    assert status("replay", saved, "--output", other, "--size", PIXELS) == 0
+    flexarm("replay", saved, "--output", other, "--size", PIXELS)
     assert one.read_bytes() == other.read_bytes()
 
 
-RENDER, REPLAY = ("render", "ifdc"), ("replay", "run.npz")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        ((*REPLAY, "--output", "x.png", "--time", "9"), 1, "time = 9.0: must be a finite number"),
-        ((*REPLAY, "--time", "1"), 1, "time = 1 s: is for a .png file, see --output"),
-        ((*REPLAY, "--output", "x.gif", "--fps", "30"), 1, "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for"),
-        (("render", "nobody"), 1, "policy 'nobody'"),
-        ((*RENDER, "--save", "x.txt"), 2, "--save: must end in .npz, got "),
-        ((*RENDER, "--vec-normalize", "none"), 2, "--vec-normalize: there is no zip file"),
-        ((*RENDER, "--stable-baselines3", "PPO"), 2, "--stable-baselines3: there is no zip file"),
-        ((*RENDER, "--output", "x.avi"), 1, "output's suffix = '.avi': must be one of '.png', '.gif', '.mp4'"),
-        ((*RENDER, "--output", "folder.png"), 1, "folder.png: is a folder"),
-        ((*RENDER, "--output", "x.png", "--time", "-1"), 1, "time = -1.0: must be a finite number and >= 0.0 [s]"),
-        ((*RENDER, "--output", "x.gif", "--time", "1"), 1, "time = 1 s: is for .png files"),
-        ((*RENDER, "--save", "folder.npz"), 1, "folder.npz: is a folder"),
-        ((*RENDER, "--fps", "0"), 1, "fps = 0: must be an integer from 1 to 100"),
-        ((*RENDER, "--speed", "0"), 1, "speed = 0.0: must be a finite number"),
-        ((*RENDER, "--size", "5"), 1, "size = 5: must be an integer from 64"),
-        ((*RENDER, "--seed", "-1"), 1, "seed = -1: must be an integer >= 0"),
-        ((*RENDER, "--fps", "100", "--speed", "0.01"), 1, "fps = 100 at speed = 0.01: makes 160001 pictures of 16 s;"),
-    ],
-)
-def test_what_is_refused_before_the_episode(
-    run: Trajectory,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    code: int,
-    words: str,
-) -> None:
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda *given: pytest.fail("the episode was run"))
-    for name in ("folder.png", "folder.npz"):
-        (tmp_path / name).mkdir()
-    run.save(tmp_path / "run.npz")
-    before = set(tmp_path.iterdir())
-    given = [tmp_path / one if one.startswith(("x.", "folder.", "run.")) else one for one in arguments]
-    assert status(*given) == code
-    assert words in capsys.readouterr().err
-    assert set(tmp_path.iterdir()) == before
-
-
 @pytest.mark.parametrize("verb", ["render", "play"])
-def test_what_draws_is_missed_before_anything_runs(
-    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_draws_is_missed_before_anything_runs(verb: str, flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     for name in ("render.episode", "play.LiveArm"):
         monkeypatch.setattr(f"flexarm_agents.commands.{name}", lambda *given: pytest.fail("something ran"))
-    assert status(verb, *(["ifdc"] if verb == "render" else [])) == 1
-    assert "[render]" in capsys.readouterr().err
+    ended = flexarm(verb, *(["ifdc"] if verb == "render" else []))
+    assert ended.returncode == 1
+    assert "[render]" in ended.stderr
 
 
 def test_what_is_interrupted_leaves_nothing(run: Trajectory, tmp_path: Path) -> None:

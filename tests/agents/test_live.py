@@ -168,11 +168,3 @@ def test_the_verb_ends_when_the_window_is_closed(monkeypatch: pytest.MonkeyPatch
     assert len(frames) == 3
     assert frames[0].live.knobs == Knobs(delay=0.06, gain=0.5)
     assert not pygame.display.get_init()
-
-
-def test_the_verb_refuses_a_delay_in_its_own_unit(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("pygame")
-    with pytest.raises(SystemExit) as ended:
-        main(["play", "--delay", "999"])
-    assert ended.value.code == 1
-    assert "delay = 999.0: must be a finite number and >= 0.0 and <= 200.0 [ms]" in capsys.readouterr().err

@@ -15,6 +15,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import shown_blocks
 from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
+from tests.support.boards import leaves
 
 
 def cards() -> dict[str, dict[str, Any]]:
@@ -56,15 +57,6 @@ def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
 ROUNDING = 1e-5
 
 
-def leaves(values: Any, path: str = "") -> dict[str, Any]:
-    """Collect the values of nested mappings and sequences by their paths."""
-    if isinstance(values, dict):
-        return {name: leaf for key, one in values.items() for name, leaf in leaves(one, f"{path}/{key}").items()}
-    if isinstance(values, list):
-        return leaves(dict(enumerate(values)), path)
-    return {path: values}
-
-
 @pytest.mark.parametrize(
     "part", ["square", *(pytest.param(one, marks=pytest.mark.slow) for one in ("chain", "unknown"))]
 )
@@ -73,8 +65,8 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
     card = cards()["student_unknown"]
     (shipped,) = (one for one in card["trainings"] if one["seed"] == card["config"]["seed"])
     monkeypatch.setattr(board, "MEASURED", {part: board.MEASURED[part]})
-    found = leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path)))
-    wanted = leaves({part: shipped["board"][part]})
+    found = dict(leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path))))
+    wanted = dict(leaves({part: shipped["board"][part]}))
     assert found == {
         path: one if one is None else pytest.approx(one, rel=ROUNDING, abs=0) for path, one in wanted.items()
     }

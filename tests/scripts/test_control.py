@@ -16,7 +16,6 @@ from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
 from scripts.control.joint import slowest_decay
 from scripts.control.trials import cell, run_laps
-from tests.support.programs import refusal
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -81,7 +80,5 @@ def test_decays_of_joint_feedback() -> None:
 
 
 def test_what_is_refused() -> None:
-    assert "only = 'none': must be one of 'registered'" in refusal("control", "--only", "none")
-    assert "jobs = 0" in refusal("control", "--jobs", 0)
     with pytest.raises(ValueError, match=r"name = 'nobody'"):
         run_laps("nobody")

@@ -26,7 +26,7 @@ from flexarm_env.analysis import delay_margin, law_loop
 from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard import pictures
-from tests.support.boards import SHORT, SMALL, files
+from tests.support.boards import SHORT, SMALL, files, leaves
 from tests.support.refusals import refuses
 
 PAYLOADS = (0.0, 0.2, 0.4)
@@ -54,8 +54,9 @@ class Here:
 
 @pytest.mark.usefixtures("uncompiled")
 def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
+    """The second row has the same cells, which are computed once."""
     store, first = Store(tmp_path / "cells"), Here()
-    results, failed = measuring.measure(ROWS[:1], TINY, store, first)
+    results, failed = measuring.measure(ROWS, TINY, store, first)
     assert failed == []
     assert first.points == list(PAYLOADS)
     before = files(store.folder)
@@ -63,12 +64,12 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
     lost = sorted(before)[1]
     (store.folder / lost).unlink()
     second = Here()
-    assert measuring.measure(ROWS[:1], TINY, store, second) == (results, [])
+    assert measuring.measure(ROWS, TINY, store, second) == (results, [])
     assert len(second.points) == 1
     assert files(store.folder) == before
-    third = Here()
-    measuring.measure(ROWS, TINY, store, third)  # the second row has the same cells
-    assert third.points == []
+    (store.folder / lost).write_text("{}")
+    with pytest.raises(ValueError, match="is no cell; remove it"):
+        measuring.measure(ROWS, TINY, store, second)
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -215,15 +216,6 @@ def committed() -> dict[str, dict[str, Any]]:
     board = json.loads((DOCS / measuring.DATA).read_text())
     assert board["board"] == BOARD
     return {row["name"]: row for row in board["rows"]}
-
-
-def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield what is in nested mappings and lists, with its place."""
-    if isinstance(value, dict | list):
-        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from leaves(part, f"{place}/{key}")
-    else:
-        yield place, value
 
 
 # The gains of LQG come from linear algebra, which OpenBLAS rounds in another way on each kind of processor: errors of

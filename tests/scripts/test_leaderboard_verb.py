@@ -31,21 +31,6 @@ def test_the_verb_measures_what_it_is_asked_for(
     assert "again: OSError: killed" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--rows", "nobody"), "entries = 'nobody': must be one of 'ifdc'"),
-        (("--entries", "nobody"), "entries = 'nobody': must be one of 'ifdc'"),
-        (("--columns", "colour"), "columns = 'colour': must be one of 'nominal'"),
-        (("--jobs", "0"), "jobs = 0: must be an integer >= 1"),
-        (("--without", "nobody"), "without = 'nobody'"),
-    ],
-)
-def test_the_verb_refuses(arguments: tuple[str, ...], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        verb.run(arguments)
-
-
 def test_added_rows_are_wanted_beside_those_that_are_named() -> None:
     rows = measuring.chosen_entries(["ifdc"], (), ["tests.support.boards:Nobody"])
     assert [row.name for row in rows] == ["ifdc", "tests.support.boards:Nobody"]

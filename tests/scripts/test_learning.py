@@ -7,7 +7,6 @@ from matplotlib import pyplot as plt
 
 from scripts.common.markdown import DOCS, shown_blocks
 from scripts.learning.__main__ import STUDIES
-from tests.support.programs import refusal
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -21,7 +20,3 @@ def test_the_pages_have_what_the_data_say(name: str, tmp_path: Path) -> None:
         assert all(axis.lines for axis in figure.axes)
         plt.close(figure)
         assert (DOCS / "figures" / f"{picture}.png").is_file()
-
-
-def test_unknown_studies_are_refused() -> None:
-    assert "only = 'none': must be one of 'schedulers'" in refusal("learning", "--only", "none")

@@ -11,7 +11,7 @@ from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import cases, checks, claims, tables, verdicts
 from scripts.paper.measures import Workspace, measures
-from tests.support.programs import ROOT, refusal, results_of, run_study
+from tests.support.programs import ROOT, results_of, run_study
 
 run_script = partial(run_study, "paper")
 
@@ -156,31 +156,6 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
     assert run.time[-1] == pytest.approx(8.0)
     assert run.gain is not None
     assert run.gain.max() > 5.0 / 6.0  # K_s = 2 reaches beyond the fuzzy system's own range
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--K-s", "-1"], "K_s = -1"),
-        (["--lap-time", "0"], "lap_time = 0"),
-        (["--lap-time", "1.2345"], "lap_time = 1.2345"),
-        (["--workers", "0"], "workers = 0"),
-        (["--parameters", "no_such_file.json"], "no_such_file.json"),
-    ],
-)
-def test_bad_options_leave_the_old_results_alone(tmp_path: Path, arguments: list[str], message: str) -> None:
-    output = tmp_path / "paper"
-    output.mkdir()
-    (output / "summary.json").touch()
-    assert message in refusal("paper", "--output", output, "--no-sweeps", "--no-figures", *arguments)
-    assert [path.name for path in tmp_path.iterdir()] == ["paper"]
-    assert [path.name for path in output.iterdir()] == ["summary.json"]
-
-
-def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").touch()
-    assert f"output = {tmp_path}" in refusal("paper", "--output", tmp_path, "--no-sweeps", "--no-figures")
-    assert (tmp_path / "thesis.tex").exists()
 
 
 def test_verdicts_follow_from_the_columns() -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from flexarm_agents import PPOConfig, train
 from scripts import train as sweep
-from tests.support.programs import ROOT, run_here
+from tests.support.programs import ROOT
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY, same_policy
 
@@ -82,12 +82,6 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     again = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
     assert again[0] == rows[0]
     assert [one["seed"] for one in again[1]["trainings"]] == [0]
-
-
-def test_a_seed_beside_seeds_is_refused() -> None:
-    status, printed = run_here("train", "--seeds", "0-1", "--seed", "3")
-    assert status == 1
-    assert "seed = 3: must go without --seeds" in printed
 
 
 @pytest.mark.slow

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from flexarm_agents.board.columns import Point
 
@@ -19,3 +21,12 @@ def files(folder: Path) -> dict[str, bytes]:
     """Return the contents of the whole JSON files below a folder, by their paths in it."""
     whole = [path for path in folder.rglob("*.json") if not path.name.startswith(".")]
     return {str(path.relative_to(folder)): path.read_bytes() for path in whole}
+
+
+def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield what is in nested mappings and lists, with its place."""
+    if isinstance(value, dict | list):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(part, f"{place}/{key}")
+    else:
+        yield place, value

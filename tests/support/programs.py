@@ -40,7 +40,8 @@ def run_bare(*command: str | Path, cwd: Path, **environment: str) -> subprocess.
 
 def run_here(module: str, *arguments: object) -> tuple[Any, str]:
     """Run a study in this process, which is faster than another one; return its exit status and all that it printed."""
-    main = importlib.import_module(f"scripts.{module}").main
+    study = importlib.import_module(f"scripts.{module}")
+    main = (study if hasattr(study, "main") else importlib.import_module(f"{study.__name__}.__main__")).main
     printed, status = io.StringIO(), None
     with patch.object(sys, "argv", [module, *map(str, arguments)]), redirect_stdout(printed), redirect_stderr(printed):
         try:
@@ -52,6 +53,6 @@ def run_here(module: str, *arguments: object) -> tuple[Any, str]:
 
 def refusal(module: str, *arguments: object) -> str:
     """Return what a study says of bad input before it ends."""
-    status, printed = run_here(f"{module}.__main__", *arguments)
+    status, printed = run_here(module, *arguments)
     assert status not in (0, None)
     return f"{printed}{status}"

@@ -28,7 +28,7 @@ class Shell:
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", list(sys.path))
 
-    def __call__(self, *arguments: str | Path) -> Ended:
+    def __call__(self, *arguments: object) -> Ended:
         code: Any = 0
         try:
             main([str(argument) for argument in arguments])

@@ -100,13 +100,16 @@ DESCENDED: dict[str, Any] = {
 }
 
 
+def score(swing: float | None, plain: float | None) -> StandardScore:
+    """Return a score by the errors of both laps [m], None for a lap that was lost."""
+    laps = (("error" if rms is None else "truncated", rms) for rms in (swing, plain))
+    figures = (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0
+    return StandardScore(*(Score(ended, 16.0, rms, rms, rms, rms, *figures) for ended, rms in laps))
+
+
 def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
-    """Return a row of evaluations: errors of both laps [m], None for a lap that was lost."""
-    scores = []
-    for rms in (swing, plain):
-        ended = "error" if rms is None else "truncated"
-        scores.append(Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0))
-    return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
+    """Return a row of evaluations; see `score`."""
+    return {"steps": steps, "seconds": 1.0, **score(swing, plain).as_mapping()}
 
 
 @contextmanager
