@@ -11,6 +11,7 @@ docs/analysis.md shows the results.
 from flexarm_env.analysis.beam import LinkZeros, link_zeros
 from flexarm_env.analysis.crossings import DelayCrossing, GainCrossing, crossing_delays, crossing_gains
 from flexarm_env.analysis.delay_roots import DelayRoots, delay_roots
+from flexarm_env.analysis.frequency import FrequencyResponse, bode, frequency_response
 from flexarm_env.analysis.law_loop import Feedback, LawLoop, law_loop
 from flexarm_env.analysis.limits import ZeroLimit, sensitivity_peak, zero_limits
 from flexarm_env.analysis.margins import (
@@ -25,7 +26,7 @@ from flexarm_env.analysis.margins import (
 from flexarm_env.analysis.natural import NaturalModes, natural_modes
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.passivity import Passivity, force_to_rate, passivity
-from flexarm_env.analysis.plant import FrequencyResponse, Plant, Poles, frequency_response, linear_plant, poles
+from flexarm_env.analysis.plant import Plant, Poles, linear_plant, poles
 from flexarm_env.analysis.sensor import Sensor, joint_angles, rigid_point, strain, tip, true_point
 from flexarm_env.analysis.zeros import ZeroDirections, Zeros, zero_directions, zeros
 
@@ -49,6 +50,7 @@ __all__ = [
     "ZeroDirections",
     "ZeroLimit",
     "Zeros",
+    "bode",
     "crossing_delays",
     "crossing_gains",
     "delay_margin",

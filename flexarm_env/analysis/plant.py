@@ -1,4 +1,4 @@
-"""`Plant`: the linear arm from joint torques to a sensor, with its delay; poles, responses, Pade models.
+"""`Plant`: the linear arm from joint torques to a sensor, with its delay; poles, Pade models, files.
 
 Source: Golub & Van Loan, *Matrix computations*, ch. 9 (Pade model of the exponential); Skogestad & Postlethwaite,
 *Multivariable feedback control*, 2nd ed. (2005), ch. 4 (state-space models).
@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import factorial
 from numbers import Number
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.io import savemat
 
 from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
@@ -169,6 +171,15 @@ class Plant:
         names = {"inputs": list(plant.inputs), "outputs": list(plant.outputs), "states": list(plant.states)}
         return control.ss(plant.A, plant.B, plant.C, plant.D, name="arm", **names)
 
+    def to_mat(self, path: str | Path) -> None:
+        """Write a MATLAB file with A, B, C, D, `delays`, and names: of states, inputs, outputs, units.
+
+        In MATLAB: ``s = load("arm.mat"); G = ss(s.A, s.B, s.C, s.D, "OutputDelay", s.delays, "InputName", s.inputs)``.
+        """
+        numbers = {name: getattr(self, name) for name in ("A", "B", "C", "D")} | {"delays": self.delays[:, None]}
+        names = {name: np.array(getattr(self, name), object) for name in ("states", "inputs", "outputs", "units")}
+        savemat(path, numbers | names, oned_as="column")
+
 
 def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
     """Linearise the arm at a point, from both joints' torques to one sensor or several.
@@ -236,50 +247,6 @@ def poles(plant: Plant) -> Poles:
     instance("plant", plant, Plant)
     values = np.linalg.eigvals(plant.A).astype(complex)
     return Poles(values[np.lexsort((values.imag, np.round(np.abs(values), 6)))])
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
-    """Transfer matrix on the imaginary axis.
-
-    Attributes:
-        omega: [rad/s]. Shape (k,).
-        values: output units per N m. Shape (k, outputs, inputs).
-    """
-
-    omega: Array
-    values: Complex
-
-    @property
-    def magnitude(self) -> Array:
-        """Shape (k, outputs, inputs)."""
-        return np.abs(self.values)
-
-    @property
-    def phase(self) -> Array:
-        """Unwrapped along the frequencies [rad]. Shape (k, outputs, inputs)."""
-        return np.unwrap(np.angle(self.values), axis=0)
-
-    @property
-    def singular_values(self) -> Array:
-        """Largest first. Shape (k, min(outputs, inputs))."""
-        return np.asarray(np.linalg.svd(self.values, compute_uv=False), dtype=np.float64)
-
-
-def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
-    """Return G(j omega), delay exact.
-
-    Args:
-        plant: see `linear_plant`.
-        omega: [rad/s], none of them a pole's. Shape (k,).
-
-    Raises:
-        TypeError: for anything but a plant.
-        ValueError: for numbers that are not finite, or a pole's: of the resting arm 0, with the operating point.
-    """
-    instance("plant", plant, Plant)
-    frequencies = finite_array("omega", omega, (None,))
-    return FrequencyResponse(frequencies, np.array([plant.at(1j * w) for w in frequencies]))
 
 
 def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:

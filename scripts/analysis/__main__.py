@@ -21,7 +21,7 @@ STUDIES = {
         "zeros from the torques to a point of link 2",
         Trials(zeros.__name__, lambda: {"zeros": zeros.study}),
         {"zeros_by_model": tables.zeros_by_model},
-        {"zeros_locus": figures.zeros_locus},
+        {"zeros_locus": figures.zeros_locus, "bode": figures.bode},
         svg=True,
     ),
     "passivity": Study(

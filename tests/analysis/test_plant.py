@@ -3,16 +3,22 @@
 import builtins
 import re
 import sys
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import control
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import scipy.io
 import scipy.linalg
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis import (
     OperatingPoint,
     Sensor,
+    bode,
     frequency_response,
     joint_angles,
     linear_plant,
@@ -23,6 +29,7 @@ from flexarm_env.analysis import (
     strain,
     tip,
     true_point,
+    zeros,
 )
 from flexarm_env.extras import install_command
 from flexarm_env.physics.damping import clamped_ratio
@@ -97,6 +104,51 @@ def test_delay_is_exact_in_frequency_and_pade_models_tend_to_it() -> None:
     )
     assert exact.magnitude.shape == exact.phase.shape == (4, 2, 2)
     assert exact.singular_values.shape == (4, 2)
+
+
+def test_bode_of_a_late_tip(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each frequency C (jw - A)^-1 B turned by -w T; python-control, which has no delay, has the same magnitudes."""
+    late = linear_plant(OperatingPoint.at_point(ARM, (-6.3, 6.3)), tip(delay=0.0312))
+    found, figure = bode(late)
+    w = found.omega[777]
+    by_hand = late.C @ np.linalg.inv(1j * w * np.eye(12) - late.A) @ late.B * np.exp(-1j * w * 0.0312)
+    np.testing.assert_allclose(found.values[777], by_hand, rtol=1e-9)
+    prompt = replace(late, delays=np.zeros(2)).to_control()
+    np.testing.assert_allclose(found.magnitude[::200], np.abs(prompt(1j * found.omega[::200])).transpose(2, 0, 1))
+    theirs = control.singular_values_response(prompt, found.omega).magnitude
+    np.testing.assert_allclose(found.singular_values.T, np.squeeze(theirs), rtol=1e-6)  # of a ratio to the largest
+    turned = found.phase - frequency_response(replace(late, delays=np.zeros(2)), found.omega).phase
+    np.testing.assert_allclose(turned, np.tile(-found.omega[:, None, None] * 0.0312, (1, 2, 2)), atol=1e-8)
+    for peak in natural_modes(late.point).frequencies[2:4]:  # damping of 1 % moves a peak by less than a step
+        near = np.abs(found.omega / peak - 1.0) < 0.1
+        top = found.omega[near][found.singular_values[near, 0].argmax()]
+        assert top == pytest.approx(peak, rel=2.0 * (found.omega[1] / found.omega[0] - 1.0))
+    assert [len(axis.lines) for axis in figure.axes] == [4, 4, 2]
+    plt.close(figure)
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    assert bode(late, [1.0])[1] is None
+
+
+def test_singular_values_vanish_at_the_zeros() -> None:
+    """Undamped, those of the joint angles lie on the axis, and feedback of the tip has its zero at 33.10 rad/s."""
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=0.0))
+    point = OperatingPoint.at_point(arm, (-6.3, 6.3))
+    plant = linear_plant(point, joint_angles())
+    at = [z for z in zeros(plant).values.imag if z > 0.0]
+    response = frequency_response(plant, [*at, 1.1 * at[0]])
+    assert (response.singular_values[:-1, -1] < 1e-9 * response.singular_values[-1, -1]).all()
+    assert np.linalg.svd(linear_plant(point, tip()).at(33.10), compute_uv=False)[-1] < 1e-8
+
+
+def test_a_matlab_file_has_the_plant(tmp_path: Path) -> None:
+    plant = linear_plant(OperatingPoint.at_point(ARM, (-6.3, 6.3)), tip(delay=0.02))
+    plant.to_mat(tmp_path / "arm.mat")
+    read = scipy.io.loadmat(tmp_path / "arm.mat")
+    system = control.ss(*(read[name] for name in "ABCD"))
+    np.testing.assert_array_equal(np.sort_complex(system.poles()), np.sort_complex(poles(plant).values))
+    assert read["delays"].tolist() == [[0.02], [0.02]]
+    for name in ("states", "inputs", "outputs", "units"):
+        assert [cell.item() for cell in read[name].ravel()] == list(getattr(plant, name))
 
 
 def test_pade_delays_each_output_by_its_own() -> None:
