@@ -19,11 +19,7 @@ DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz"}
 
 
 def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:
-    """Return a hash of modules, of all that they import, and of the data that these read.
-
-    Raises:
-        ImportError: if there is none of a name.
-    """
+    """Return a hash of modules, of all that they import, and of the data that these read."""
     digest = hashlib.sha256()
     for name in sorted(_closure(tuple(modules), frozenset(without))):
         digest.update(f"{name} {_source_hash(name)}\n".encode())

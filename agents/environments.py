@@ -26,17 +26,10 @@ _ENTRY_POINTS = {one.entry for one in IDS.values()}
 
 
 def check_id(environment: object) -> str:
-    """Check that an id is that of a FlexArm environment.
+    """Return the id of a FlexArm environment with its namespace, without its module; refuse another one.
 
     Args:
-        environment: with or without the module that registers it, "flexarm_env:FlexArm/Square-v0", and with or without
-            the namespace, "Square-v0".
-
-    Returns:
-        The id with its namespace, without the module.
-
-    Raises:
-        ValueError: naming those there are.
+        environment: "Square-v0", "FlexArm/Square-v0" or "flexarm_env:FlexArm/Square-v0".
     """
     known = sorted(name for name, spec in gymnasium.registry.items() if spec.entry_point in _ENTRY_POINTS)
     name = environment.rpartition(":")[2] if isinstance(environment, str) else ""
@@ -48,18 +41,7 @@ def check_id(environment: object) -> str:
 
 
 def check_options(environment: str, options: object) -> dict[str, Any]:
-    """Check options of an environment, and that a file can keep them (JSON).
-
-    Args:
-        environment: its id, checked.
-        options: fields of `Settings` in which it differs from the id's own.
-
-    Returns:
-        The options as a file gives them back.
-
-    Raises:
-        TypeError, ValueError: if they are no mapping, not plain, unknown, or bad.
-    """
+    """Return options of an environment as a file (JSON) gives them back; refuse what is bad or not plain."""
     given = mapping("options", options)
     try:
         plain: dict[str, Any] = json.loads(json.dumps(given, allow_nan=False))
@@ -70,20 +52,12 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
 
 
 def settings_of(environment: str, options: Mapping[str, Any]) -> Settings:
-    """Return all options of an environment, checked.
-
-    Raises:
-        TypeError, ValueError: for an unknown or a bad one.
-    """
+    """Return all options of an environment, checked."""
     return Settings.of(gymnasium.registry[environment].kwargs | dict(options))
 
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
-    """Make one environment.
-
-    Raises:
-        TypeError, ValueError: for an unknown id or a bad option.
-    """
+    """Make one environment."""
     env = gymnasium.make(check_id(environment), **dict(options or {}))
     assert isinstance(env.unwrapped, FlexArmEnv)
     return env
@@ -96,9 +70,6 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
         environment: their id.
         num_envs: how many.
         options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
-
-    Raises:
-        TypeError, ValueError: for an unknown id or a bad option.
     """
     name, chosen = check_id(environment), dict(options or {})
     if gymnasium.spec(name).vector_entry_point is None:

@@ -44,15 +44,7 @@ def _sweep(path: Path) -> None:
 
 
 def check_place(name: str, path: Path) -> None:
-    """Check that a file can be put at a path; its folder is made.
-
-    Args:
-        name: of the parameter that has the path.
-        path: of the file; one that is there may be replaced.
-
-    Raises:
-        OSError: if there can be no such file.
-    """
+    """Check that a file can be put at the path that a parameter has; its folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
         raise IsADirectoryError(f"{name} = {path}: is a folder; must be a file")
@@ -72,12 +64,7 @@ def write_json(path: Path, values: Any, levels: int | None = None) -> None:
 
 
 def json_text(values: Any, levels: int | None = None) -> str:
-    """Write strict JSON.
-
-    Args:
-        values: plain values.
-        levels: levels of nesting whose items have lines of their own; None: all.
-    """
+    """Write strict JSON; items of so many outer levels of nesting have lines of their own, None: all items."""
     return (json.dumps(values, indent=1, allow_nan=False) if levels is None else _lines(values, levels)) + "\n"
 
 

@@ -93,11 +93,7 @@ def dataset_id(name: str, delay: float) -> str:
 
 
 def candidate(name: str, options: dict[str, Any]) -> Candidate:
-    """Make a candidate with its environment.
-
-    Raises:
-        TypeError, ValueError: for a bad option.
-    """
+    """Make a candidate with its environment."""
     if name == RANDOM:
         env = make_one(ENVIRONMENT, options)
         return Candidate(name, lambda observation: env.action_space.sample(), env, ENVIRONMENT, options)
@@ -149,12 +145,7 @@ def summary(name: str, episodes: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def check(options: Options) -> None:
-    """Refuse options before anything is simulated.
-
-    Raises:
-        ModuleNotFoundError: without Minari.
-        TypeError, ValueError: naming the option.
-    """
+    """Refuse options before anything is simulated."""
     _minari()
     integer("episodes", options.episodes, 1)
     integer("seed", options.seed, 0)
@@ -168,11 +159,7 @@ def check(options: Options) -> None:
 
 
 def make(options: Options, tick: Callable[[], Any]) -> list[dict[str, Any]]:
-    """Make all data sets.
-
-    Returns:
-        A summary of each.
-    """
+    """Make all data sets, and return a summary of each."""
     rows, laps = [], list(LAPS)
     for name in options.candidates:
         for delay in options.delays:

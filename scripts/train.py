@@ -55,11 +55,7 @@ class Options:
 
 
 def seeds_of(text: str) -> list[int]:
-    """Return the seeds that a text names, "0-2,7" for example, in order.
-
-    Raises:
-        ValueError: for anything else.
-    """
+    """Return the seeds that a text names, "0-2,7" for example, in order."""
     found: set[int] = set()
     for part in text.split(","):
         range_of = re.fullmatch(r"([0-9]+)(?:-([0-9]+))?", part)
@@ -71,11 +67,7 @@ def seeds_of(text: str) -> list[int]:
 
 
 def settings_of(sweep: object, config: RunConfig) -> list[Setting]:
-    """Return all combinations of a sweep's values.
-
-    Raises:
-        TypeError, ValueError: if it is anything else.
-    """
+    """Return all combinations of a sweep's values."""
     lists = mapping("sweep", sweep)
     known_names("sweep", lists, [one.name for one in fields(config) if one.name != "seed"])
     for name, values in lists.items():
@@ -129,11 +121,7 @@ def read() -> tuple[RunConfig, Options]:
 
 
 def main() -> None:
-    """Command line of many trainings.
-
-    Raises:
-        OSError: if trainings failed; what the others made is kept.
-    """
+    """Command line of many trainings; what some made is kept where others failed."""
     config, options = read()
     if config.seed:
         raise ValueError(f"seed = {config.seed}: must go without --seeds and --sweep, which say what seeds")

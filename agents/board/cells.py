@@ -57,11 +57,7 @@ class Cell(NamedTuple):
 
     @classmethod
     def of(cls, entry: Entry, point: Point) -> Cell:
-        """Return the cell with all that its result depends on.
-
-        Raises:
-            TypeError, ValueError: for an entry that cannot do the nominal task.
-        """
+        """Return the cell with all that its result depends on; the entry must be able to do the nominal task."""
         return cls(entry, point, {"policy": dict(entry.fingerprint), **_environment(entry, point)})
 
     @property
@@ -115,11 +111,7 @@ class Store:
         return self.folder / key[:2] / f"{key}.json"
 
     def read(self, cell: Cell) -> dict[str, Any] | None:
-        """Return a cell's result; None if it is not there.
-
-        Raises:
-            ValueError: if the file is no cell's.
-        """
+        """Return a cell's result, None if it is not there; refuse a file that is no cell's."""
         path = self.path(cell.key)
         try:
             content = json.loads(path.read_text())
@@ -159,11 +151,7 @@ def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
 
 
 def compute(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """Compute cells of one entry together.
-
-    Raises:
-        ValueError: if the code or the policy here is another than that for which the keys are.
-    """
+    """Compute cells of one entry together; code and policy must be those for which the keys are."""
     entry = cells[0].entry
     if any(Cell.of(entry, cell.point).key != cell.key for cell in cells):
         raise ValueError(f"entry {entry.name}: this worker has other code or another policy than the sender of the job")

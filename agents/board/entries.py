@@ -50,11 +50,7 @@ class Entry:
     vec_normalize: str = ""
 
     def __post_init__(self) -> None:
-        """Check the id, the options and the name.
-
-        Raises:
-            ValueError: for a bad one.
-        """
+        """Check the id, the options and the name."""
         own = Path(self.source).stem if Path(self.source).exists() else self.source
         object.__setattr__(self, "name", self.name or own)
         object.__setattr__(self, "environment", check_id(self.environment))
@@ -75,19 +71,11 @@ class Entry:
         return _recipe(self).interface
 
     def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
-        """Return the policy with its nominal environment on a task.
-
-        Raises:
-            TypeError, ValueError: if the policy cannot do this task, or is none.
-        """
+        """Return the policy with its nominal environment on a task; refuse a task that it cannot do."""
         return (_candidate.__wrapped__ if fresh else _candidate)(self, task)
 
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
-        """Return the policy with any environment, both made anew.
-
-        Raises:
-            TypeError, ValueError: for a bad option, or an environment that does not fit the policy.
-        """
+        """Return the policy with any environment that fits it, both made anew."""
         recipe = _recipe(self)
         whole = {**entry_options(recipe.interface), **options}
         env = make_one(environment, whole)
@@ -184,11 +172,7 @@ LATE = (
 
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
-    """Return all entries.
-
-    Raises:
-        ValueError: if two have the same name, or a file does not hold an entry.
-    """
+    """Return all entries, each with a name of its own."""
     entries = [Entry(name) for name in controller_names()] + list(LATE)
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     entries += [_added(source) for source in added]

@@ -35,11 +35,7 @@ DIGITS = 6  # of the figures in the board's file
 
 
 def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Entry]:
-    """Return entries by their names.
-
-    Raises:
-        ValueError: for an unknown name, or an entry that there cannot be.
-    """
+    """Return entries by their names, without some; those that are added need no name."""
     entries, own = all_entries(added), [entry.name for entry in all_entries(())]
     for what, given in (("entries", names), ("without", without)):
         for name in given:
@@ -49,11 +45,7 @@ def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Seq
 
 
 def chosen_columns(names: Sequence[str]) -> dict[str, Column]:
-    """Return columns by their names.
-
-    Raises:
-        ValueError: for an unknown name.
-    """
+    """Return columns by their names."""
     for name in names:
         choice("columns", name, tuple(COLUMNS))
     return {name: column for name, column in COLUMNS.items() if name in names}

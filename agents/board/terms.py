@@ -43,11 +43,7 @@ TASKS: dict[str, BoardTask] = {
 
 
 def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, Any]:
-    """Return the part of an environment's options that is an entry's own.
-
-    Raises:
-        ValueError: naming an option that is not an entry's to choose.
-    """
+    """Return the part of an environment's options that is an entry's own; if strict, refuse all others."""
     for name, value in options.items():
         if strict and name not in INTERFACE:
             raise ValueError(

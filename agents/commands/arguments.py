@@ -109,11 +109,7 @@ def of_verb(verb: str, description: str) -> Reader:
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """Read a JSON object.
-
-    Raises:
-        ValueError: if the text is something else.
-    """
+    """Read a JSON object; refuse another text."""
     try:
         value = json.loads(text)
     except ValueError as error:
@@ -124,11 +120,7 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def json_argument(text: str) -> dict[str, Any]:
-    """Read an argument that is a JSON object.
-
-    Raises:
-        argparse.ArgumentTypeError: if it is something else.
-    """
+    """Read an argument that is a JSON object."""
     try:
         return json_object(text)
     except ValueError as error:

@@ -66,11 +66,7 @@ def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], li
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Measure, write tables and JSON, print the ranking.
-
-    Raises:
-        OSError: if cells could not be computed.
-    """
+    """Measure, write tables and JSON, print the ranking; an error says which cells could not be computed."""
     given = parser().parse_args(arguments)
     entries, results, failed = measured(given)
     found = tables(results)

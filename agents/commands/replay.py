@@ -45,12 +45,7 @@ def add_film(parser: argparse.ArgumentParser) -> None:
 
 
 def check_film(given: argparse.Namespace) -> None:
-    """Check arguments of `add_film`, as far as that needs no run.
-
-    Raises:
-        ImportError: without what draws or writes, naming the extra.
-        OSError, TypeError, ValueError: for a bad one, or a window without a display.
-    """
+    """Check arguments of `add_film`, as far as that needs no run, and that what they need is there."""
     check_look(given.fps, given.speed, given.size)
     if given.output is not None:
         check_output(given.output, given.fps, given.time)
@@ -61,11 +56,7 @@ def check_film(given: argparse.Namespace) -> None:
 
 
 def play(played: Trajectory, given: argparse.Namespace) -> None:
-    """Show a run in a window, or write it.
-
-    Raises:
-        ValueError: for a time outside of the run, or a run with too many pictures.
-    """
+    """Show a run in a window, or write it."""
     film = Film(played, given.fps, given.speed, given.size)
     if given.output is None:
         film.show()

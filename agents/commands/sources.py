@@ -71,11 +71,7 @@ def _is_training(source: str) -> bool:
 
 
 def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
-    """Make what POLICY names, with its environment.
-
-    Raises:
-        FileNotFoundError, ImportError, TypeError, ValueError: see `evaluation.candidates` and `Entry.on`.
-    """
+    """Make what POLICY names, with its environment; see `evaluation.candidates` and `Entry.on`."""
     if _is_training(source):
         if not Path(source).exists() and source not in shipped_policies():
             names = f"shipped policies are {', '.join(shipped_policies())}; controllers {', '.join(controller_names())}"
@@ -88,11 +84,7 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
 
 
 def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
-    """Return what POLICY names as an entry of the board; arguments as of `from_source`.
-
-    Raises:
-        ValueError: for a model without `--stable-baselines3`.
-    """
+    """Return what POLICY names as an entry of the board; a model needs `--stable-baselines3`."""
     name = Path(source).stem if Path(source).exists() else source
     if not _is_model(source):
         return Entry(source, name, given.environment or ENVIRONMENT, options)

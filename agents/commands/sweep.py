@@ -24,14 +24,7 @@ after 2 s are without it. At the end, when the first lap was lost."""
 
 
 def sweep(given: argparse.Namespace) -> dict[str, Any]:
-    """Run the policies along an axis of the board, and print a table for each.
-
-    Returns:
-        Plain values for a file.
-
-    Raises:
-        ValueError: without a policy, or for an option that the axis sets.
-    """
+    """Run the policies along an axis of the board, print a table for each, and return plain values for a file."""
     if not given.policies:
         raise ValueError("policies: nothing to sweep; name one, e.g. --policy ifdc")
     if given.arm is not None or given.laps != 1 or given.seed != 0 or given.own or given.pool:

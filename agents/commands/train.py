@@ -32,11 +32,7 @@ def run(arguments: Sequence[str]) -> None:
 
 
 def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> Reader:
-    """Return the parser of the arguments.
-
-    Raises:
-        ValueError: if there is no such algorithm or environment.
-    """
+    """Return the parser of the arguments; their defaults are tuned for the algorithm and the environment."""
     switch = argparse.BooleanOptionalAction
     reader = of_verb("train", DESCRIPTION)
     reader.usage = "flexarm train [OPTIONS]"  # there are many
@@ -52,11 +48,7 @@ def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> 
 
 
 def tuned_for(arguments: Sequence[str]) -> RunConfig:
-    """Return the tuned configuration of the algorithm and the environment that arguments name.
-
-    Raises:
-        ValueError: if there is no such algorithm or environment.
-    """
+    """Return the tuned configuration of the algorithm and the environment that arguments name."""
     config: RunConfig = config_of(**vars(_named(arguments)))
     return config
 

@@ -129,11 +129,7 @@ class Observations:
     """
 
     def __init__(self, env: FlexArmVectorEnv) -> None:
-        """Take the layout.
-
-        Raises:
-            ValueError: for an option with which the derivatives are not complete.
-        """
+        """Take the layout; refuse an option with which the derivatives are not complete."""
         self.settings, self.blocks, self.scale = env.settings, env.observation_blocks, env.observation_scale
         check_differentiable(self.settings)
         size = self.settings.flexible_arm.size
@@ -240,11 +236,7 @@ class Observations:
 
 
 def check_differentiable(settings: Settings) -> None:
-    """Refuse an environment through which derivatives do not run.
-
-    Raises:
-        ValueError: naming the option.
-    """
+    """Refuse an environment through which derivatives do not run, naming the option."""
     for name, value in NEEDED.items():
         if (given := getattr(settings, name)) != value:
             raise ValueError(f"{name} = {shown(given)}: derivatives run through {value!r} only")

@@ -51,12 +51,7 @@ class FOPGTraining(Rounds):
     done: int = 0
 
     def __init__(self, config: FOPGConfig, run: RunFolder) -> None:
-        """Check the environments; see `Training`.
-
-        Raises:
-            ValueError: if the curriculum has another observation or action, or derivatives do not run through one of
-                the options.
-        """
+        """Check the curriculum, and that derivatives run through all options; see `Training`."""
         super().__init__(config, run)
         self.round_steps = config.steps
         check_curriculum(config)

@@ -60,12 +60,7 @@ class Window(NamedTuple):
 
 
 def usable(states: Floats, before: Floats) -> Floats:
-    """Return states, and for arms that flew apart those before: an episode ends there, so that nothing follows.
-
-    Args:
-        states: Shape (..., 4 + 4 m).
-        before: of the same arms. Shape (..., 4 + 4 m).
-    """
+    """Return states, and of arms that flew apart those before: their episode ends there. Shape (..., 4 + 4 m)."""
     whole = (np.abs(states) <= LARGEST).all(axis=-1, keepdims=True)
     return np.where(whole, states, before)
 
@@ -184,12 +179,7 @@ def error_cost(squares: Floats, knee: float) -> tuple[Floats, Floats]:
 
 
 def largest_cost(settings: Settings, config: FOPGConfig) -> float:
-    """Return the cost of a period for an arm that is as far off as an episode allows [m].
-
-    Args:
-        settings: of the environments; without a limit, the arm is at most as far off as it is long twice.
-        config: of the training.
-    """
+    """Return a period's cost for an arm as far off as an episode allows; without a limit, twice its length [m]."""
     limit = settings.error_limit
     farthest = 2.0 * settings.flexible_arm.parameters.reach if limit is None else limit
     return float(error_cost(np.array(farthest**2), config.error_knee)[0])

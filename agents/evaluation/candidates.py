@@ -48,13 +48,7 @@ class Candidate(NamedTuple):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """What it may learn of the arm and its task, names in `flexarm_env.envs.blocks.READINGS` in their order.
-
-        It follows from the blocks that the environment observes, and from the policy's own `knows`.
-
-        Raises:
-            ValueError: if `knows` has another name.
-        """
+        """What it may learn of arm and task, in the order of `READINGS`: what it observes, and the policy's `knows`."""
         named = tuple(getattr(self.policy, "knows", ()))
         for name in named:
             if name not in READINGS:
@@ -86,22 +80,12 @@ class Normalized:
 
 
 def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
-    """Return the options of an environment after changes.
-
-    Args:
-        own: before.
-        options: replace those of the same name.
-        arm: name of the arm (`parameters.PRESETS`), in the place of any in the options; None: as it is.
-    """
+    """Return the options of an environment after changes, and with another arm if one is named (`PRESETS`)."""
     return {**own, **options, **({} if arm is None else {"arm": arm})}
 
 
 def from_training(source: str, options: Options, arm: str | None) -> Candidate:
-    """Load a trained policy, with its own environment.
-
-    Raises:
-        FileNotFoundError, TypeError, ValueError: see `load_policy` and `Trained.make_env`.
-    """
+    """Load a trained policy, with its own environment; see `load_policy` and `Trained.make_env`."""
     trained = load_policy(source)
     whole = changed(trained.options, options, arm)
     config = trained.notes["config"]
@@ -115,17 +99,7 @@ def plant_of(options: Options) -> dict[str, Any]:
 
 
 def from_controller(name: str, environment: str, options: Options, **design: Any) -> Candidate:
-    """Make a controller of the registry, with the options that it needs.
-
-    Args:
-        name: a name of `flexarm_baselines.registry.controller_names`.
-        environment: id.
-        options: further options of the environment; they replace those of the same name.
-        **design: see `flexarm_baselines.registry.make_controller`.
-
-    Raises:
-        TypeError, ValueError: for another name, a bad id or option, or one with which the controller cannot work.
-    """
+    """Make a controller of the registry with an environment, the options that it needs and further ones."""
     entry = controller(name)
     whole = changed(entry.options, options, None)
     env = make_one(environment, whole)
@@ -133,11 +107,7 @@ def from_controller(name: str, environment: str, options: Options, **design: Any
 
 
 def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:
-    """Make a policy of what a module holds: a class with `for_env` or without arguments, an object, or a function.
-
-    Raises:
-        TypeError, ValueError: for a class that needs arguments, or an environment that does not fit it.
-    """
+    """Make a policy of what a module holds: a class with `for_env` or without arguments, an object, or a function."""
     if hasattr(found, "for_env"):
         return found.for_env(env)
     if not isinstance(found, type):
@@ -191,12 +161,7 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
 
 
 def imported(source: str) -> Any:
-    """Import what "module:attribute" names.
-
-    Raises:
-        ImportError: if there is no such module.
-        ValueError: if the name has another form, or the module no such attribute.
-    """
+    """Import what "module:attribute" names."""
     module, _, attribute = source.partition(":")
     if not module or not attribute:
         raise ValueError(f"{shown(source)}: must be 'module:attribute'")

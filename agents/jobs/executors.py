@@ -51,10 +51,6 @@ def executor(name: str, count: int, folder: Path, parameters: Mapping[str, Any] 
         count: processes, or tasks of Slurm; Ray uses what its cluster has, and so many processes of a local one.
         folder: for submitit's own files; all machines must see it.
         parameters: of submitit, {"slurm_partition": ...} for example.
-
-    Raises:
-        ImportError: without the extra that it needs.
-        ValueError: for another name or count, or parameters for another executor.
     """
     integer("jobs", count, 1)
     if parameters and name not in ("slurm", "submitit-local"):

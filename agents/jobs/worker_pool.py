@@ -37,11 +37,7 @@ class WorkerPool(ProcessPoolExecutor):
             super().__init__(count, mp_context=context, initializer=_follow_parent, initargs=(asked,))
 
     def submit(self, job: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        """Call `job` in a worker; see `Executor.submit`.
-
-        A worker begins with the signals blocked that ask a script to stop: the parent handles them, and a
-        terminal sends Ctrl-C to both.
-        """
+        """Call `job` in a worker, whose signals are blocked: the parent handles them (a terminal sends both Ctrl-C)."""
         with _blocked_signals():
             self.jobs.append(super().submit(_carry_out, job, *arguments, **named))
         return self.jobs[-1]

@@ -16,13 +16,7 @@ class ConstantPolicy:
     """The same action always, or a new random one in each step; has stable-baselines3's ``predict``."""
 
     def __init__(self, actions: int, spread: float = 0.0, seed: int = 0) -> None:
-        """Choose the action.
-
-        Args:
-            actions: how many numbers an action has.
-            spread: 0 for the action 0; else actions are drawn evenly from [-spread, spread].
-            seed: seed of the draws.
-        """
+        """Choose how many numbers an action has; they are 0, or drawn evenly from [-spread, spread]."""
         self._size, self._spread = integer("actions", actions, 1), spread
         self._generator = np.random.default_rng(seed)
 

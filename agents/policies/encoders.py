@@ -82,11 +82,7 @@ class PastReadings(Encoder):
     remembered: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        """Validate.
-
-        Raises:
-            TypeError, ValueError: for entries that are no integers, out of range or out of order, or no entry at all.
-        """
+        """Check the entries, their range and their order."""
         integer("size", self.size, 1, MOST_NUMBERS)
         for name, least, most in (("lags", 1, LONGEST_LAG), ("remembered", 0, MOST_NUMBERS)):
             values = checked_increasing(name, getattr(self, name), least, most)
@@ -134,12 +130,7 @@ class PastReadings(Encoder):
 
 
 def past_readings(lags: Sequence[int], blocks: Mapping[str, slice]) -> PastReadings | None:
-    """Return an encoder that remembers every block of the observation except those in `CLOCKED`.
-
-    Args:
-        lags: ages [control periods]; none: there is nothing to remember, and no encoder.
-        blocks: where each block lies in an observation.
-    """
+    """Return an encoder of all blocks but `CLOCKED` at some ages [control periods]; without ages there is none."""
     if not lags:
         return None
     read = [n for name, part in blocks.items() if name not in CLOCKED for n in range(part.start, part.stop)]
@@ -167,12 +158,7 @@ def encoded(encoder: Encoder, observations: Array, memory: Memory, starting: NDA
 
 
 def checked_increasing(name: str, values: object, least: int, most: int) -> tuple[int, ...]:
-    """Check integers that increase.
-
-    Raises:
-        TypeError, ValueError: naming the parameter that is no list, the entry that is no integer or out of range, or
-            the order.
-    """
+    """Check integers that increase."""
     checked = tuple(integer(f"{name}[{n}]", value, least, most) for n, value in enumerate(listed(name, values)))
     if list(checked) != sorted(set(checked)):
         raise ValueError(f"{name} = {checked}: must increase")

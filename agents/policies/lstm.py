@@ -34,11 +34,7 @@ class Lstm(Encoder):
         return f"{type(self).__name__}({self.inputs})"
 
     def __post_init__(self) -> None:
-        """Check that the arrays fit together.
-
-        Raises:
-            TypeError, ValueError: naming the one that does not.
-        """
+        """Check that the arrays are finite and fit together."""
         for name in self.ARRAYS:
             if not np.isfinite(real_array(name, getattr(self, name))).all():
                 raise ValueError(f"{name}: must be finite")

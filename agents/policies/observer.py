@@ -27,11 +27,7 @@ Floats = NDArray[np.float64]
 
 
 def check_observed(settings: Settings) -> None:
-    """Check that an observer can work in an environment.
-
-    Raises:
-        ValueError: naming the option that does not fit.
-    """
+    """Check that an observer can work in an environment."""
     if settings.action_mode != "torque":
         raise ValueError(f"action_mode = {settings.action_mode!r}: must be 'torque' with an observer")
     missing = [name for name in NEEDED if name not in settings.observation]
@@ -79,11 +75,7 @@ class Observer(Encoder):
     knows: ClassVar[tuple[str, ...]] = ("plant parameters",)
 
     def __post_init__(self) -> None:
-        """Check that there is such a filter.
-
-        Raises:
-            TypeError, ValueError: for a bad name, id or option, or an environment in which it cannot work.
-        """
+        """Check that there is such a filter."""
         choice("kind", self.kind, KINDS[1:])
         object.__setattr__(self, "environment", check_id(self.environment))
         object.__setattr__(self, "options", check_options(self.environment, self.options))

@@ -36,11 +36,7 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
 
 
 def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
-    """Give PPO's model the network of a policy; its value and its actions' deviation stay as they are.
-
-    Raises:
-        ValueError: if the layers have other sizes.
-    """
+    """Give PPO's model the network of a policy; its value and its actions' deviation stay as they are."""
     target: Any = model.policy
     set_layers([*target.mlp_extractor.policy_net, target.action_net], policy)
 

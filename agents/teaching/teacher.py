@@ -60,23 +60,13 @@ class Teacher:
     """
 
     def __init__(self, plans: Bank, limits: tuple[float, float], period: float) -> None:
-        """Keep the plans.
-
-        Args:
-            plans: of the grid.
-            limits: of the torques of shoulder and elbow [N m].
-            period: control period [s].
-        """
+        """Keep the plans of the grid, the limits of the torques [N m] and the control period [s]."""
         self.plans, self.limits, self.period = plans, np.array(limits), period
         self.periods = plans.torques.shape[-2]
 
     @classmethod
     def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
-        """Make a teacher for an environment, with a grid over what it draws.
-
-        Raises:
-            ValueError: if the environment's laps are not the standard ones.
-        """
+        """Make a teacher for an environment of standard laps, with a grid over what it draws."""
         for name, value in NEEDED.items():
             if getattr(settings, name) != value:
                 raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
@@ -199,11 +189,7 @@ def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters
 
 
 def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
-    """Return the plan in a file if it is one of the problem; None if there is none.
-
-    Raises:
-        ValueError: if the plan is one of another problem.
-    """
+    """Return the plan in a file, None if there is none; refuse one of another problem."""
     if not path.is_file():
         return None
     plan = Plan.load(path)

@@ -50,11 +50,7 @@ class DAggerTraining(Rounds):
         self.students: list[dict[str, Any]] = []  # after each round, averages alone
 
     def rollout(self, student: NetworkPolicy | None) -> Rollout:
-        """Run the next rollout.
-
-        Args:
-            student: drives together with the teacher; None: the teacher drives alone, in the first rollout.
-        """
+        """Run the next rollout; without a student, the first one, which the teacher drives alone."""
         assert self.env is not None
         number = 0 if student is None else len(self.rollouts)
         return run_rollout(self.env, self.teacher, student, self.config, number)

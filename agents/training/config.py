@@ -44,11 +44,7 @@ def setting(default: Any, check: Callable[..., Any], zoo: str = "", /, kept: boo
 
 
 def layers(name: str, value: object) -> tuple[int, ...]:
-    """Check the sizes of hidden layers.
-
-    Raises:
-        TypeError, ValueError: naming the parameter, its value and what is allowed.
-    """
+    """Check the sizes of hidden layers."""
     if not isinstance(value, list | tuple) or not value:
         raise TypeError(f"{name} = {shown(value)}: must be a list of sizes, one at least")
     return tuple(integer(f"{name}[{n}]", size, 1) for n, size in enumerate(value))

@@ -26,15 +26,9 @@ def names_in_zoo(kind: Any) -> dict[str, str]:
 
 
 def tuned(kind: Any, environment: str) -> Values:
-    """Return the tuned settings of an algorithm for an environment, by the names of the configuration's fields.
+    """Return the tuned settings for an environment, by the names of the fields of a class of configurations.
 
-    Args:
-        kind: class of the configurations.
-        environment: its id; one that the file lacks has the settings of `HOME`, without its curriculum.
-
-    Raises:
-        ModuleNotFoundError: without the package that reads the file, naming the extra.
-        ValueError: for a file with other settings than the algorithm has.
+    An id that the file lacks has the settings of `HOME`, without its curriculum.
     """
     files = _read(kind.algorithm)
     if environment in files:

@@ -128,13 +128,7 @@ class Training(ABC):
         write_checkpoint(self.run.checkpoint, self.config, kept)
 
     def load(self) -> None:
-        """Continue from the checkpoint, which must be from a source that you trust: reading it can execute code.
-
-        The global random generators are set to their states of then.
-
-        Raises:
-            ValueError: if the file is not a checkpoint of such a training, or this version cannot continue it.
-        """
+        """Continue from the checkpoint, with the global random generators of then; reading it can execute code."""
         kept = read_checkpoint(self.run.checkpoint, self.config)
         self.progress = TrainingProgress(**kept["progress"])
         self.restore(kept["state"])
@@ -187,13 +181,7 @@ class TrainingLoop:
     """Evaluation laps, the best policy, checkpoints, progress and signals between the parts of a training."""
 
     def __init__(self, training: Training, stop: StopSignals, progress: bool) -> None:
-        """Prepare.
-
-        Args:
-            training: made, or loaded from its checkpoint.
-            stop: signals that stop the training between two parts.
-            progress: show a bar if stderr is a terminal; without a bar, each evaluation is logged in a line.
-        """
+        """Prepare, for a training that was made or loaded; without a bar, each evaluation is logged in a line."""
         self._training, self._stop = training, stop
         training.logger = configure(str(training.run.logs), ["tensorboard"])
         self._env = make_one(training.config.environment, training.config.options)
@@ -204,11 +192,7 @@ class TrainingLoop:
         self._bar = tqdm(**steps) if with_bar else None
 
     def run(self) -> None:
-        """Train to the end.
-
-        Raises:
-            TrainingStopped: after a signal.
-        """
+        """Train to the end, or to a signal (`TrainingStopped`)."""
         training = self._training
         if training.steps < training.total:
             training.learn(self._pause)

@@ -48,11 +48,7 @@ def hold_policy(model: BaseAlgorithm, held: bool) -> None:
 
 
 def model_class(config: RewardConfig) -> Any:
-    """Return the class of the algorithm.
-
-    Raises:
-        ModuleNotFoundError: without its package, naming the extra.
-    """
+    """Return the class of the algorithm."""
     module, _, name = config.kind.partition(":")
     with needs_extra(f"algorithm = {config.algorithm!r}", "train"):
         return getattr(import_module(module), name)

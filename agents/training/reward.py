@@ -59,13 +59,7 @@ class RewardTraining(Training):
     model: BaseAlgorithm | None = None
 
     def __init__(self, config: RewardConfig, run: RunFolder) -> None:
-        """Check the algorithm's package, the curriculum and the initial policy; see `Training`.
-
-        Raises:
-            ModuleNotFoundError: without the algorithm's package, naming the extra.
-            FileNotFoundError: if there is no such initial policy.
-            ValueError: if the curriculum or the initial policy do not fit.
-        """
+        """Check the algorithm's package, the curriculum and the initial policy; see `Training`."""
         super().__init__(config, run)
         model_class(config)
         check_curriculum(config)

@@ -50,11 +50,7 @@ class RunFolder:
         self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
-        """Make the folder for a new training.
-
-        Raises:
-            FileExistsError: if there is something already.
-        """
+        """Make the folder for a new training, which may hold nothing yet."""
         if self.path.exists() and (
             not self.path.is_dir() or any(not is_unfinished(one) for one in self.path.iterdir())
         ):
@@ -76,12 +72,7 @@ class RunFolder:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
     def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
-        """Begin a training in the folder, or check that the one in it may go on.
-
-        Raises:
-            FileExistsError: see `begin`.
-            FileNotFoundError, ValueError: see `read_config`, and if it has another configuration.
-        """
+        """Begin a training in the folder, or check that the one in it may go on."""
         if resume:
             config.check_same(self.read_config(type(config)), self.path)
         else:
@@ -89,12 +80,7 @@ class RunFolder:
                 self.begin(config, versions)
 
     def read_config(self, kind: type[Config]) -> Config:
-        """Read the configuration of the training in the folder.
-
-        Raises:
-            FileNotFoundError: if there is no training.
-            ValueError: if its configuration cannot be read.
-        """
+        """Read the configuration of the training in the folder."""
         if not self.config.is_file():
             raise FileNotFoundError(f"folder = {self.path}: holds no {self.config.name}, so there is no training in it")
         try:
@@ -148,16 +134,7 @@ def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> No
 
 
 def read_checkpoint(path: Path, config: RunConfig) -> dict[str, Any]:
-    """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
-
-    Returns:
-        The state that was written.
-
-    Raises:
-        OSError: if the file cannot be opened.
-        ValueError: if it is not a checkpoint, is damaged, belongs to a training of another configuration, or this
-            version cannot continue it.
-    """
+    """Read the state in a checkpoint, which must be from a source that you trust: reading it can execute code."""
     with path.open("rb") as stream:  # errors of opening are others than those of reading
         try:
             with zipfile.ZipFile(stream) as file:

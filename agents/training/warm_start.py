@@ -19,11 +19,7 @@ from flexarm_env.validation import shown
 
 
 def check_curriculum(config: RunConfig) -> None:
-    """Check that the training's environments have the observation and the action of the environment of the score.
-
-    Raises:
-        ValueError: if `curriculum_options` change them.
-    """
+    """Check that training and score have the same observation and action."""
     changed = config.curriculum_options
     if changed and not _alike(config.environment, config.options, config.options | changed):
         raise ValueError(
@@ -32,16 +28,7 @@ def check_curriculum(config: RunConfig) -> None:
 
 
 def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
-    """Load the policy whose network a training begins with; None: the network begins untrained.
-
-    Args:
-        config: of the training.
-        run: its folder; a training that was begun there has its own copy of the policy.
-
-    Raises:
-        FileNotFoundError: if there is no such policy.
-        ValueError: if it is not one, or its network does not fit the configuration, naming what differs.
-    """
+    """Load the policy whose network a training begins with, or goes on from in its folder; None: an untrained one."""
     if config.initial_policy is None:
         return None
     trained = load_policy(run.initial if run.initial.is_file() else config.initial_policy)

@@ -31,19 +31,7 @@ UNKNOWN = np.full(2, np.nan)  # a point that is not shown
 
 
 def check_look(fps: int, speed: float, size: int) -> tuple[int, float, int]:
-    """Check how a run is shown; there need not be a run.
-
-    Args:
-        fps: pictures a second [1/s].
-        speed: seconds of the run in a second.
-        size: side of a picture [px].
-
-    Returns:
-        The three, as plain numbers.
-
-    Raises:
-        TypeError, ValueError: for a bad one, naming it, its value and what is allowed.
-    """
+    """Check how a run is shown: pictures a second, seconds of the run in a second, side of a picture [px]."""
     return (
         integer("fps", fps, 1, MOST_FPS),
         number("speed", speed, least=0.01, most=100.0),
@@ -52,19 +40,7 @@ def check_look(fps: int, speed: float, size: int) -> tuple[int, float, int]:
 
 
 def check_pictures(fps: int, speed: float, duration: float) -> int:
-    """Check how many pictures a run has; there need not be a run.
-
-    Args:
-        fps: pictures a second [1/s].
-        speed: seconds of the run in a second.
-        duration: of the run [s].
-
-    Returns:
-        How many.
-
-    Raises:
-        ValueError: if they are more than `MOST_PICTURES`.
-    """
+    """Return how many pictures a run of a duration [s] has; refuse too many."""
     count = int(min(duration * fps / speed, 1e9)) + 1
     if count > MOST_PICTURES:
         raise ValueError(
@@ -74,22 +50,7 @@ def check_pictures(fps: int, speed: float, duration: float) -> int:
 
 
 def check_output(path: Path, fps: int, time: float | None) -> str:
-    """Check that a film can be written to a file; there need not be a film. The file's folder is made.
-
-    Args:
-        path: path of the file.
-        fps: pictures a second [1/s].
-        time: of the picture in a .png [s].
-
-    Returns:
-        Its suffix, in lower case.
-
-    Raises:
-        ImportError: without what draws or writes it, naming the extra.
-        OSError: if there can be no such file.
-        ValueError: if the suffix is none of `SUFFIXES`, for a .gif that cannot have this rate, or for a time that is
-            negative or of a moving picture.
-    """
+    """Check that a film, or its picture at a time [s], can be written to a file; return the file's suffix."""
     suffix = choice("output's suffix", path.suffix.lower(), SUFFIXES)
     if suffix == ".gif" and fps not in GIF_FPS:
         raise ValueError(f"fps = {fps}: must be one of {', '.join(map(str, GIF_FPS))} for a .gif file")
@@ -129,11 +90,7 @@ class Film:
     """
 
     def __init__(self, run: Trajectory, fps: int = 25, speed: float = 1.0, size: int = 600) -> None:
-        """Check the arguments.
-
-        Raises:
-            TypeError, ValueError: for a bad one, naming it, its value and what is allowed.
-        """
+        """Check the arguments."""
         self.run = run
         self.fps, self.speed, self.size = check_look(fps, speed, size)
         self._arm = FlexibleArm(run.parameters)
@@ -171,11 +128,7 @@ class Film:
         )
 
     def show(self) -> None:
-        """Show the run in a window, which can be paused and closed (see `flexarm_env.envs.window`).
-
-        Raises:
-            gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
-        """
+        """Show the run in a window, which can be paused and closed (see `flexarm_env.envs.window`)."""
         renderer = Renderer("human", self.size, self.fps)
         for n in self.instants():
             renderer.draw(self.snapshot(n))
@@ -190,10 +143,6 @@ class Film:
             path: path of the file: .png, one picture, .gif or .mp4.
             time: of the picture in a .png [s]; None: the last one.
             tick: called after each picture.
-
-        Raises:
-            ImportError, OSError, ValueError: see `check_output`.
-            ValueError: for a time outside of the run.
         """
         suffix = check_output(path, self.fps, time)
         if suffix == ".png":

@@ -58,11 +58,7 @@ class LiveArm:
     """
 
     def __init__(self, arm: str = "paper", knobs: Knobs | None = None) -> None:
-        """Begin a lap.
-
-        Raises:
-            TypeError, ValueError: for a bad argument.
-        """
+        """Begin a lap."""
         self._arm = choice("arm", arm, tuple(PRESETS))
         self.knobs = self._checked(knobs or Knobs())
         self.ended: str | None = None
@@ -92,11 +88,7 @@ class LiveArm:
         self._begin({})
 
     def turn(self, **changes: float) -> None:
-        """Turn knobs, which act at once.
-
-        Raises:
-            TypeError, ValueError: for a value out of range.
-        """
+        """Turn knobs, which act at once."""
         before, self.knobs = self.knobs, self._checked(self.knobs._replace(**changes))
         if self.ended is not None or self.knobs._replace(gain=before.gain) == before:
             return

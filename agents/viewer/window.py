@@ -74,11 +74,7 @@ class Viewer:
     """
 
     def __init__(self, live: LiveArm) -> None:
-        """Open the window.
-
-        Raises:
-            gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
-        """
+        """Open the window."""
         self._pygame = import_pygame()
         self.live, self.chosen = live, 0
         self.window = Window(self._pygame, SIZE, steps=False)

@@ -56,11 +56,7 @@ def our_error(modes: int) -> float:
 
 
 def equal_step(segments: int, modes: int) -> EqualStep:
-    """Find the chain's step that is as accurate in time as ours with the fewest evaluations a second.
-
-    Raises:
-        ValueError: if none of those tried is.
-    """
+    """Find the chain's step that is as accurate in time as ours with the fewest evaluations a second."""
     ours, found = our_error(modes), []
     for integrator, stages in STAGES.items():
         count = _fewest(segments, integrator, ours)

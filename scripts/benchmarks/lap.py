@@ -58,11 +58,7 @@ class _Job:
         return scipy_lap.solve(self.arm, self.law, self.path, self.start, seconds or self.seconds, **options)
 
     def errors(self) -> dict[str, float]:
-        """Distance of the final true tip from that of `solve_ivp` at 1e-10 [m]: do all compute the same?
-
-        Raises:
-            RuntimeError: if they do not.
-        """
+        """Distance of the final true tip from that of `solve_ivp` at 1e-10 [m]: do all compute the same?"""
         env = gymnasium.make(PAPER, sensor="collocated")
         env.reset(seed=0)
         for _ in range(round(self.seconds / CONTROL_PERIOD)):

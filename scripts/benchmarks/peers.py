@@ -220,9 +220,6 @@ def memory_of(code: str, imports: str = "") -> int:
     """Resident memory that a fresh process needs for some code, on top of what it holds after its imports [bytes].
 
     Good to some 0.1 MB: memory grows by whole pages, and what the imports freed is used again unseen. Not for Windows.
-
-    Raises:
-        subprocess.CalledProcessError: if either fails; the traceback goes to the error stream.
     """
     command = [sys.executable, "-c", _MEMORY, imports, code]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)

@@ -72,16 +72,7 @@ def operations(modes: int) -> int:
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
-    """Declare the kernel of the torque-driven arm alone as a subject.
-
-    Args:
-        name: of the subject.
-        modes: per link.
-        lanes: of a block.
-        arms: of the batch.
-        steps: in a timed call.
-        kinematics: of the arm.
-    """
+    """Declare the torque-driven arm's kernel alone: modes a link, lanes of a block, arms, steps of a call."""
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, kinematics=kinematics))
     variant = Variant(OPEN, modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows

@@ -27,13 +27,7 @@ def run(main: Callable[[], None]) -> None:
 
 
 def read_options(prog: str, defaults: Options, text: str | None = None) -> Options:
-    """Read the arguments of this process.
-
-    Args:
-        prog: the command.
-        defaults: options, a dataclass.
-        text: what the command does; None: the docstring of the options.
-    """
+    """Read this process's arguments, which replace defaults, a dataclass; a text, or its docstring, is the help."""
     reader = parser(prog, defaults, text)
     return read_fields(reader, type(defaults), reader.parse_args())
 

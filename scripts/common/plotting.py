@@ -104,12 +104,7 @@ def plot_median(axis: Axes, x: Any, several: Any, band: bool = True, **look: Any
 
 
 def running_rms(values: Any, window: int) -> NDArray[np.float64]:
-    """Return the r.m.s. of values about each instant, which shows the size of what oscillates.
-
-    Args:
-        values: Shape (n,)
-        window: number of instants.
-    """
+    """Return the r.m.s. of values over a window about each instant: the size of what oscillates. Shape (n,)."""
     return np.sqrt(uniform_filter1d(np.square(values), window, mode="nearest"))
 
 

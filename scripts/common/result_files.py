@@ -19,13 +19,7 @@ PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be rep
 
 
 def write_json(path: Path, data: Any, levels: int | None = None) -> None:
-    """Write strict JSON: what is not finite becomes null. The file is complete or absent.
-
-    Args:
-        path: of the file.
-        data: mappings, lists, arrays and numbers.
-        levels: levels of nesting whose items have lines of their own; None: all.
-    """
+    """Write strict JSON, in which null stands for what is not finite; see `json_text`."""
     text = json_text(plain(data), levels)
     put(path, lambda aside: aside.write_text(text))
 
@@ -42,15 +36,7 @@ def plain(value: Any) -> Any:
 
 
 def check_replaceable(folder: Path, marker: str) -> None:
-    """Refuse to replace what is not a script's result folder.
-
-    Args:
-        folder: what would be replaced.
-        marker: a file that a complete result folder holds.
-
-    Raises:
-        ValueError: naming the path.
-    """
+    """Refuse to replace what is no result folder: a complete one holds a marker, the name of a file."""
     if folder.exists() and not (folder.is_dir() and ((folder / marker).exists() or not any(folder.iterdir()))):
         raise ValueError(f"output = {folder}: exists and holds no {marker}, so it is no result folder to replace")
 

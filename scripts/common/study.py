@@ -126,11 +126,7 @@ def usual(name: str, studies: Mapping[str, Study]) -> Options:
 
 
 def command(name: str, studies: Mapping[str, Study], text: str) -> None:
-    """Read the command line of `python -m scripts.NAME`, and make the studies.
-
-    Raises:
-        ValueError: for an unknown study or a bad number.
-    """
+    """Read the command line of `python -m scripts.NAME`, and make the studies."""
     options = read_options(f"python -m scripts.{name}", usual(name, studies), text)
     integer("jobs", options.jobs, 1)
     chosen = {one: studies[choice("only", one, tuple(studies))] for one in options.only}
@@ -143,12 +139,7 @@ def command(name: str, studies: Mapping[str, Study], text: str) -> None:
 
 
 def update_docs(studies: Any, output: Path) -> None:
-    """Fill the blocks of docs/ with the tables of studies, and copy their pictures.
-
-    Args:
-        studies: whose tables and pictures are in the folder.
-        output: the folder.
-    """
+    """Fill the blocks of docs/ with the tables that studies have in a folder, and copy their pictures."""
     for page in fill_pages(output, [table for study in studies for table in study.tables]):
         print(f"{page}: tables up to date")
     for picture in (picture for study in studies for picture in study.pictures):

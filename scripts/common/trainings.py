@@ -35,12 +35,7 @@ class Training(NamedTuple):
 
 
 def trained(config: RunConfig, folder: Path) -> Training:
-    """Train, resume an interrupted training, or reuse a finished one.
-
-    Raises:
-        ValueError: the training in the folder has another configuration, or was made by a version whose environments
-            gave other scores.
-    """
+    """Train, resume an interrupted training, or reuse a finished one that this version scores alike."""
     outcome = carried_out(config, folder)
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)

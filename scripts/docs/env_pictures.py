@@ -152,12 +152,7 @@ def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
 
 
 def write_moving(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
-    """Write frames as an animated WebP, which repeats and rests on the last one.
-
-    Args:
-        path: of the file.
-        pictures: Shape (size, size, 3) each.
-    """
+    """Write frames as an animated WebP, which repeats and rests on the last one. Shape (size, size, 3) each."""
     first, *others = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
     durations = [round(1e3 * INTERVAL)] * len(others) + [round(1e3 * REST)]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}

@@ -17,12 +17,7 @@ LIMIT = 600  # for a cell [s]
 
 
 def executed(path: Path, folder: Path) -> Any:
-    """Return a notebook with the outputs of a new run of all its cells.
-
-    Raises:
-        ModuleNotFoundError: without what runs it, naming the extra.
-        nbclient.exceptions.CellExecutionError: if a cell fails.
-    """
+    """Return a notebook with the outputs of a new run of all its cells."""
     with needs_extra("notebooks", "test"):
         nbclient, nbformat = map(import_module, ("nbclient", "nbformat"))
     found = nbformat.read(path, as_version=nbformat.NO_CONVERT)

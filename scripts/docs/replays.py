@@ -78,11 +78,7 @@ def unpacked(data: Sequence[Sequence[int]], step: float) -> Array:
 
 
 def replay(lap: Trajectory) -> dict[str, Any]:
-    """Return a lap as plain values: numbers of a step for each channel, and why it ended.
-
-    Raises:
-        ValueError: for a record without a sensor's reading.
-    """
+    """Return a lap as plain values: numbers of a step for each channel, and why it ended."""
     if lap.sensed is None:
         raise ValueError("lap: has no reading of a sensor; must be a record of run_policy")
     size = lap.state.shape[1] // 2

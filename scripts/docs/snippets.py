@@ -22,11 +22,7 @@ HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg
 
 
 def module(page: str) -> str:
-    """Return the snippets of a page as the text of one module.
-
-    Raises:
-        ValueError: if there is a snippet that is not found, since it is indented or has no end.
-    """
+    """Return the snippets of a page as the text of one module."""
     return HEAD + "".join(step.code for step in steps(page) if step.kind == "python")
 
 

@@ -64,11 +64,7 @@ class Step(NamedTuple):
 
 
 def steps(page: str) -> list[Step]:
-    """Return the steps of a page.
-
-    Raises:
-        ValueError: if there is a snippet that is not found, since it is indented or has no end.
-    """
+    """Return the steps of a page; refuse a snippet that is indented or has no end."""
     found = [
         Step(one[1], one[2], one[3], page.count("\n", 0, one.start()) + 2, one.span(3)) for one in STEP.finditer(page)
     ]

@@ -59,11 +59,7 @@ WIDGETS: Mapping[str, Widget] = {
 
 
 def with_widgets(text: str, page: Path) -> str:
-    """Return a page's text with its widgets.
-
-    Raises:
-        ValueError: for a widget that there is not.
-    """
+    """Return a page's text with its widgets."""
     static = os.path.relpath("_static", page.parent)  # where Sphinx puts it
 
     def widget(place: re.Match[str]) -> str:

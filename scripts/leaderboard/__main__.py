@@ -65,11 +65,7 @@ def present(folder: Path) -> None:
 
 
 def check(given: argparse.Namespace) -> None:
-    """Refuse to show less than the whole board on the page.
-
-    Raises:
-        ValueError: for `--docs` with other arguments than it can go with.
-    """
+    """Refuse to show less than the whole board on the page."""
     if not given.docs:
         return
     if given.entries or tuple(given.columns) != tuple(COLUMNS):
@@ -93,11 +89,7 @@ def parser() -> Reader:
 
 
 def main() -> None:
-    """Command line.
-
-    Raises:
-        OSError: if cells could not be computed.
-    """
+    """Command line."""
     given = parser().parse_args()
     if given.no_measure:
         present(given.output / "presented")

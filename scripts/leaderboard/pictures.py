@@ -108,13 +108,7 @@ def delays(board: Board, folder: Path) -> None:
 
 
 def _holds(breaking: Mapping[str, Any], worse: Sequence[str], values: Sequence[float]) -> tuple[float, float]:
-    """Return the first and last value about the nominal delay with which both laps hold.
-
-    Args:
-        breaking: see `flexarm_agents.board.summary.breaking`; the nominal laps are complete.
-        worse: "lost", "doubled" or both: what must not happen.
-        values: of the axis.
-    """
+    """Return the first and last value about the nominal delay at which laps are not "lost", or "doubled" in error."""
     ends = [one[what] for one in breaking.values() for what in worse]
     low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
     high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)

@@ -48,12 +48,7 @@ class Options:
 
 
 def train_and_ship(name: str, options: Options) -> None:
-    """Train, choose and export an agent.
-
-    Raises:
-        ValueError: for an even number of trainings.
-        OSError: if trainings failed; the others are kept.
-    """
+    """Train, choose and export an agent; trainings are kept where others failed."""
     agent = AGENTS[name]
     seeds = agent.seeds if options.seeds is None else integer("seeds", options.seeds, 1)
     if seeds % 2 == 0:

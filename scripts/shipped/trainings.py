@@ -18,11 +18,7 @@ RULE = "the median of {count} trainings that differ in their seeds, by the mean 
 
 
 def median(trainings: Sequence[Training]) -> Training:
-    """Return the training whose best policy is in the middle, by `scoring.rank`.
-
-    Raises:
-        ValueError: for an even number.
-    """
+    """Return the training, of an odd number, whose best policy is in the middle by `scoring.rank`."""
     if len(trainings) % 2 == 0:
         raise ValueError(f"trainings: must be an odd number, so that one is in the middle; got {len(trainings)}")
     ranked = sorted(trainings, key=lambda one: rank([StandardScore.of(one.best)]))
