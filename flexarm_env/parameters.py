@@ -25,6 +25,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from flexarm_env.allowed import Custom, Integer, Number, OneOf, Optional, Pair, check_fields, declared
+from flexarm_env.published_arms import PUBLISHED
 from flexarm_env.sensor_models import SENSOR_MODELS as SENSOR_MODELS
 from flexarm_env.sensor_models import SensorModel as SensorModel
 from flexarm_env.sensor_models import SensorTraits as SensorTraits
@@ -83,6 +84,8 @@ class ArmParameters:
             rad/s. The square leaves both limits (docs/validation.md).
         mode_shapes: "cantilever", the paper's clamped-free modes (4); or "polynomial": as many polynomials from x^2
             up, orthogonal in mass and stiffness, which let the elbow's moment bend link 1's tip.
+        elbow_housing_inertia: turns with the tip tangent of link 1, as the elbow motor's housing does [kg m^2];
+            foreshortened kinematics only.
     """
 
     link_lengths: tuple[float, float] = declared((4.5, 4.5), Pair(1e-3, 1e3, "m"))
@@ -101,6 +104,7 @@ class ArmParameters:
     mode_scale: float = declared(0.1, Number(1e-3, 1e3))
     kinematics: Kinematics = declared("foreshortened", OneOf(get_args(Kinematics)))
     mode_shapes: ModeShapes = declared("polynomial", OneOf(get_args(ModeShapes)))
+    elbow_housing_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
 
     def __post_init__(self) -> None:
         """Validate and bring to canonical types.
@@ -114,6 +118,10 @@ class ArmParameters:
             raise ValueError(
                 "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') has no foreshortening; "
                 "velocity_forces must be 'complete'"
+            )
+        if self.kinematics == "linear" and self.elbow_housing_inertia:
+            raise ValueError(
+                f"elbow_housing_inertia = {self.elbow_housing_inertia!r}: must be 0 with kinematics = 'linear'"
             )
 
     @classmethod
@@ -183,6 +191,7 @@ PRESETS: dict[str, Preset] = {
             "damping_model": "modal",
         },
     ),
+    **{name: Preset(*arm) for name, arm in PUBLISHED.items()},
 }
 
 

@@ -99,7 +99,7 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[s
     rho, stiffness = arm.masses_per_length[link], arm.flexural_rigidities[link] / element
     damping = material_time(arm) * stiffness if arm.damping_model == "material" else 0.0
     hub = (arm.shoulder_hub_inertia, arm.elbow_hub_inertia)[link]
-    mass, inertia = ((arm.elbow_mass, 0.0), (arm.payload_mass, arm.payload_inertia))[link]
+    mass, inertia = ((arm.elbow_mass, arm.elbow_housing_inertia), (arm.payload_mass, arm.payload_inertia))[link]
     lines = []
     for k in range(segments):
         is_root, is_last = k == 0, k == segments - 1

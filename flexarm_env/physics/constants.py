@@ -32,9 +32,9 @@ class Constants(NamedTuple):
 
     Link i with what is fixed to it: ``inertia`` about its root [kg m^2]; ``coupling``, moment of inertia between
     root rotation and mode; ``mass``, modal mass matrix (lower triangle, row by row); ``static_moment`` [kg m];
-    ``momentum``, integral of the mode over mass. Link 1 carries the elbow's mass, all of link 2 and the payload at
-    its tip; link 2 carries the elbow hub's inertia and the payload. ``centrifugal`` as in `bent_link.Link`; link 1's is
-    ``mass_1`` with linear kinematics.
+    ``momentum``, integral of the mode over mass. Link 1 carries the elbow's mass and housing, all of link 2 and the
+    payload at its tip; link 2 carries the elbow hub's inertia and the payload. ``centrifugal`` as in `bent_link.Link`;
+    link 1's is ``mass_1`` with linear kinematics.
 
     The last nine are empty with linear kinematics (`bent_link`): S at the elbow, of link 2 the integral of S over mass,
     and what its moments become.
@@ -131,28 +131,33 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
     translation_2 = two.mass + p.payload_mass * np.outer(two.tip_values, two.tip_values)
     mass_2 = translation_2 + p.payload_inertia * np.outer(slope_2, slope_2)
     hub_and_payload = p.elbow_hub_inertia + p.payload_mass * length_2**2 + p.payload_inertia
+    housing, slope_1 = p.elbow_housing_inertia, one.tip_slopes
     coupling_2 = two.second_moment + p.payload_mass * length_2 * two.tip_values + p.payload_inertia * slope_2
+    mass_1 = one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)
     k = Constants(
         elbow_distance=length_1,
-        inertia_1=rho_1 * length_1**3 / 3.0 + p.shoulder_hub_inertia + at_elbow * length_1**2,
+        inertia_1=rho_1 * length_1**3 / 3.0 + p.shoulder_hub_inertia + at_elbow * length_1**2 + housing,
         inertia_2=rho_2 * length_2**3 / 3.0 + hub_and_payload,
         static_moment_2=rho_2 * length_2**2 / 2.0 + p.payload_mass * length_2,
         friction_1=p.joint_friction[0],
         friction_2=p.joint_friction[1],
         elbow_values=_floats(one.tip_values),
         elbow_slopes=_floats(one.tip_slopes),
-        coupling_1=_floats(one.second_moment + at_elbow * length_1 * one.tip_values),
+        coupling_1=_floats(one.second_moment + at_elbow * length_1 * one.tip_values + housing * slope_1),
         coupling_2=_floats(coupling_2),
         momentum_2=_floats(two.first_moment + p.payload_mass * two.tip_values),
         stiffness_1=_floats(one.stiffness),
         stiffness_2=_floats(two.stiffness),
         damping_1=_floats(link_damping(p, one)),
         damping_2=_floats(link_damping(p, two)),
-        mass_1=_lower(one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)),
+        mass_1=_lower(mass_1),
         mass_2=_lower(mass_2),
         centrifugal_2=_lower(translation_2),
     )
-    return _foreshortened(k, modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else k
+    if p.kinematics == "linear":
+        return k
+    k = _foreshortened(k, modes, (at_elbow, p.payload_mass))
+    return k._replace(mass_1=_lower(mass_1 + housing * np.outer(slope_1, slope_1)))  # turns: no centrifugal force
 
 
 class ConstantChanges(NamedTuple):

@@ -50,7 +50,7 @@ def unit_damping(parameters: ArmParameters) -> UnitDamping:
     p = parameters
     return _unit_damping(
         p.link_lengths, p.flexural_rigidities, p.masses_per_length, p.shoulder_hub_inertia, p.elbow_hub_inertia,
-        p.elbow_mass,
+        p.elbow_mass, p.elbow_housing_inertia,
     )  # fmt: skip
 
 
@@ -79,6 +79,7 @@ def _unit_damping(
     shoulder_hub_inertia: float,
     elbow_hub_inertia: float,
     elbow_mass: float,
+    elbow_housing_inertia: float,
 ) -> UnitDamping:
     """See `unit_damping`.
 
@@ -102,6 +103,9 @@ def _unit_damping(
         densities[1] * lengths[1] * _WEIGHTS,
         [shoulder_hub_inertia, elbow_hub_inertia, elbow_mass],
     ])  # fmt: skip
+    if elbow_housing_inertia:
+        turn = np.concatenate([[1.0, 0.0], one.tip_slopes, np.zeros(MAX_MODES)])
+        motion, masses = np.vstack([motion, turn]), np.append(masses, elbow_housing_inertia)
     elastic = np.linalg.qr(np.sqrt(masses)[:, None] * motion).R[2:, 2:]
     root = np.sqrt(np.concatenate([one.stiffness, two.stiffness]))
     _, singular, right = np.linalg.svd(elastic / root)

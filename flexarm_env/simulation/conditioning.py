@@ -18,6 +18,7 @@ _MASSES = (
     "shoulder_hub_inertia",
     "elbow_hub_inertia",
     "elbow_mass",
+    "elbow_housing_inertia",
     "payload_mass",
     "payload_inertia",
 )

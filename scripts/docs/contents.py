@@ -79,6 +79,7 @@ CHAPTERS: Mapping[str, Chapter] = {
         {
             "docs/training": "Train, resume and evaluate agents on the command line.",
             "docs/how_to/sensors": "Place, delay and noise of the sensors, and what a policy observes.",
+            "docs/how_to/published_arms": "Arms of laboratories and papers by name, with sources and assumptions.",
             "docs/how_to/randomise": "Draw arm, sensors and task for each episode, and read what was drawn.",
             "docs/how_to/own_task": "A path, a reward and an id of your own.",
             "docs/how_to/planning": "Copy the state, roll candidates out, and use derivatives, with times.",

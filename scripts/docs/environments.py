@@ -47,7 +47,8 @@ Which options does an environment have? Each is an argument of `make` and `make_
 starts and ends."""
 _ARMS = """\
 `arm="linear"` selects an arm by its name. A mapping changes parameters of the default arm, or of the one that `preset`
-names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The plant](../plant.md) gives the reasons for the default."""
+names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The plant](../plant.md) gives the reasons for the default,
+[published arms](../how_to/published_arms.md) the sources of the last three."""
 _ARM = """\
 The docstring of `flexarm_env.ArmParameters` explains each parameter. The ranges end far beyond any arm that is built. A
 combination that cannot be simulated (masses too far apart for double precision, a mode so fast that a control period

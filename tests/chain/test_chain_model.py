@@ -43,11 +43,10 @@ def test_frequencies_of_link_2(segments: int, elbow: list[str], roots: np.ndarra
 
 
 def test_inertia_of_the_straight_arm() -> None:
-    arm = ArmParameters.linear(
-        shoulder_hub_inertia=0.3, elbow_hub_inertia=0.2, elbow_mass=0.7, payload_mass=0.5, payload_inertia=0.1
-    )
+    hubs = {"shoulder_hub_inertia": 0.3, "elbow_hub_inertia": 0.2, "elbow_mass": 0.7, "elbow_housing_inertia": 0.4}
+    arm = ArmParameters(payload_mass=0.5, payload_inertia=0.1, **hubs)
     second = RHO * L**3 / 3.0 + 0.2 + 0.5 * L**2 + 0.1
-    whole = RHO * (2.0 * L) ** 3 / 3.0 + 0.3 + 0.2 + 0.7 * L**2 + 0.5 * (2.0 * L) ** 2 + 0.1
+    whole = RHO * (2.0 * L) ** 3 / 3.0 + 0.3 + 0.2 + 0.4 + 0.7 * L**2 + 0.5 * (2.0 * L) ** 2 + 0.1
     for segments in (2, 10):
         mass = chain.mass_matrix(chain.chain_model(segments, arm))
         assert mass.shape == (2 * segments, 2 * segments)

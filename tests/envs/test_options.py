@@ -27,15 +27,15 @@ def refused(
 
 
 MESSAGES = [
-    refused(r"arm = 'papers': must be one of 'default', 'linear', 'paper'", {"arm": "papers"}),
+    refused(r"arm = 'papers': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": "papers"}),
     refused(
-        r"arm = 2: must be one of 'default', 'linear', 'paper' or a mapping of ArmParameters fields",
+        r"arm = 2: must be one of 'default', 'linear', 'paper', 'quanser', .* or a mapping of ArmParameters fields",
         {"arm": 2},
         error=TypeError,
     ),
     refused(r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le", {"arm": {"mass": 1.0}}),
     refused(r"modes_per_link = 5: must be an integer from 1 to 4", {"arm": {"modes_per_link": 5}}),
-    refused(r"arm = 'new': must be one of 'default', 'linear', 'paper'", {"arm": {"preset": "new"}}),
+    refused(r"arm = 'new': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": {"preset": "new"}}),
     refused(r"torque_rate_limit\[0\] = 0\.0: must be", {"action_mode": "torque_rate", "torque_rate_limit": (0.0, 1.0)}),
     refused(r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619", {"physics_step": 0.02}),
     refused(r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed", {"physics_step": 0.1}, PAPER),

@@ -23,10 +23,11 @@ def first_elastic_ratio(arm: ArmParameters) -> float:
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("unequal", [False, True])
 def test_the_ratio_is_that_of_the_free_arms_first_elastic_mode(model: DampingModel, unequal: bool) -> None:
-    """Exactly with the shapes that the definition takes; hubs and elbow belong to it, payload and friction do not."""
+    """Exactly with the definition's shapes; hubs, elbow and housing belong to it, payload and friction do not."""
     shapes = {"mode_shapes": "polynomial", "damping_model": model, "damping_ratio": 0.013}
     bare = {"payload_mass": 0.0, "payload_inertia": 0.0, "joint_friction": (0.0, 0.0)}
-    arm = loaded_arm(4, **shapes, **bare) if unequal else ArmParameters(modes_per_link=4, **shapes)  # type: ignore[arg-type]
+    housed = {"kinematics": "foreshortened", "elbow_housing_inertia": 0.6}
+    arm = loaded_arm(4, **shapes, **bare, **housed) if unequal else ArmParameters(modes_per_link=4, **shapes)  # type: ignore[arg-type]
     assert first_elastic_ratio(arm) == pytest.approx(0.013, rel=1e-9)
 
 

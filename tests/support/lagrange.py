@@ -110,7 +110,9 @@ class Lagrangian:
             self.stiffness.append(rigidity * bend.T @ (weight[:, None] * bend))
             self.modal_mass.append(rho * weight @ shapes(p, length, x) ** 2)
         self.masses = tensor(np.concatenate([*density, [p.elbow_mass, p.payload_mass]]))
-        self.inertias = tensor([p.shoulder_hub_inertia, p.elbow_hub_inertia, p.payload_inertia])
+        self.inertias = tensor(
+            [p.shoulder_hub_inertia, p.elbow_housing_inertia, p.elbow_hub_inertia, p.payload_inertia]
+        )
 
     def configuration(self, q: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Positions of all masses, Shape (points, 2), and angles of all rotary inertias."""
@@ -129,7 +131,7 @@ class Lagrangian:
         second = elbow + along(a2, self.x[1] - drawn2[:-1], self.phi[1] @ q2)
         tip = elbow + along(a2, length2 - drawn2[-1], self.tip[1] @ q2)
         points = torch.cat([first, second, elbow[None], tip[None]])
-        return points, torch.stack([a1, a2, a2 + self.tip_slope[1] @ q2])
+        return points, torch.stack([a1, a2 - q[1], a2, a2 + self.tip_slope[1] @ q2])
 
     def foreshortening_acceleration(self, link: int, q: torch.Tensor) -> torch.Tensor:
         """Foreshortening of a link's points and of its tip: half the integral of the squared slope from the root."""
@@ -215,6 +217,7 @@ def arms(draw: st.DrawFn) -> ArmParameters:
         shoulder_hub_inertia=draw(st.floats(0.0, 5.0)),
         elbow_hub_inertia=draw(st.floats(0.0, 5.0)),
         elbow_mass=draw(st.floats(0.0, 5.0)),
+        elbow_housing_inertia=draw(st.floats(0.0, 5.0)) if kinematics == "foreshortened" else 0.0,
         payload_mass=draw(st.floats(0.0, 5.0)),
         payload_inertia=draw(st.floats(0.0, 5.0)),
         damping_ratio=draw(st.floats(0.0, 1.0)),

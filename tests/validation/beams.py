@@ -168,7 +168,7 @@ def two_links(parameters: ArmParameters, theta2: float, joints: Joints) -> Struc
         [
             p.shoulder_hub_inertia,
             p.elbow_mass + along,
-            0.0,
+            p.elbow_housing_inertia,
             p.elbow_hub_inertia,
             p.payload_mass,
             p.payload_inertia,

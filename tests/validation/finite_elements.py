@@ -60,7 +60,7 @@ def frame(parameters: ArmParameters, theta2: float, joints: Joints, elements: in
     shoulder, tip, root, end = 0, 3 * elements, 3 * elements + 3, 6 * elements + 3
     for node, weight, inertia in (
         (shoulder, 0.0, p.shoulder_hub_inertia),
-        (tip, p.elbow_mass, 0.0),
+        (tip, p.elbow_mass, p.elbow_housing_inertia),
         (root, 0.0, p.elbow_hub_inertia),
         (end, p.payload_mass, p.payload_inertia),
     ):
