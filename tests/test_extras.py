@@ -24,10 +24,7 @@ def test_in_a_clone_its_folder_is_named(tmp_path: Path) -> None:
     [
         (None, "flexarm[train]"),
         ({"url": WHEEL, "archive_info": {}}, f"flexarm[train] @ {WHEEL}"),
-        (
-            {"url": REPOSITORY, "vcs_info": {"vcs": "git", "commit_id": "abc"}},
-            f"flexarm[train] @ git+{REPOSITORY}@abc",
-        ),
+        ({"url": REPOSITORY, "vcs_info": {"vcs": "git", "commit_id": "abc"}}, f"flexarm[train] @ git+{REPOSITORY}@abc"),
     ],
 )
 def test_elsewhere_its_source_is_named(

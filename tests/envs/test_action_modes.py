@@ -11,23 +11,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from flexarm_env import (
-    SquareParameters,
-    inverse_kinematics,
-    square,
-)
+from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import (
-    FREE,
-    GAIN,
-    RESIDUAL,
-    SQUARE,
-    TORQUE_LIMITS,
-    bare,
-    block,
-    exact_actions,
-)
+from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, TORQUE_LIMITS, bare, block, exact_actions
 from tests.support.plain import KERNELS
 
 Array = NDArray[np.float64]
@@ -88,8 +75,7 @@ def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("env_id", "mode"),
-    [(SQUARE, "torque"), (SQUARE, "torque_rate"), (RESIDUAL, "residual"), (RESIDUAL, "reference")],
+    ("env_id", "mode"), [(SQUARE, "torque"), (SQUARE, "torque_rate"), (RESIDUAL, "residual"), (RESIDUAL, "reference")]
 )
 @pytest.mark.usefixtures("uncompiled")
 def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:

@@ -64,9 +64,7 @@ def test_a_batch_draws_each_of_its_arms() -> None:
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
     env = RecordVideo(
-        gymnasium.make(GAIN, render_mode="rgb_array"),
-        str(tmp_path / "videos"),
-        episode_trigger=lambda episode: True,
+        gymnasium.make(GAIN, render_mode="rgb_array"), str(tmp_path / "videos"), episode_trigger=lambda episode: True
     )
     assert env.metadata["render_fps"] == 100  # real time: a picture for each 10 ms
     stepped(env, 10)

@@ -114,14 +114,3 @@ def test_what_an_episode_drew_is_told() -> None:
     assert {later for _, later in seen} == {True, False}
     env.reset(options={"path": "line", "start": "moving", "time": 3.0})
     assert (inner.episode.path, inner.episode.start_time) == ("line", pytest.approx(3.0))
-
-
-def test_a_batch_of_moves_fits_into_memory() -> None:
-    """Each arm has a path of its own: 4096 of them stay below 200 MB."""
-    from flexarm_env.envs.vector import FlexArmVectorEnv
-
-    simulator = FlexArmVectorEnv(num_envs=256, arm="linear", reference="moves", start="corner").simulator
-    size = sum(
-        array.nbytes for array in vars(simulator).values() if isinstance(array, np.ndarray) and array.base is None
-    )
-    assert 16 * size < 200e6

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import tracemalloc
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,47 +13,15 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flexarm_env.envs.batch import block_lanes
-from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import (
-    CALM,
-    CASES,
-    FORESHORTENED,
-    GAIN,
-    IDS,
-    PAPER,
-    POOR_SENSOR,
-    RANDOM,
-    RESIDUAL,
-    SQUARE,
-    actions_for,
-    assert_same,
-    in_fresh_process,
-    make,
-    same_as_alone,
-    terms_of,
-    vector,
-)
-from tests.support.plain import KERNELS
+from tests.support.envs import IDS, PAPER, SQUARE, actions_for, assert_same, make, random_options, terms_of, vector
 from tests.support.refusals import refuses
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
 
 
-def random_options(env_id: str) -> dict[str, Any]:
-    """Return options with all that is random, as far as kernels have it that other tests compile."""
-    return {PAPER: CALM, SQUARE: RANDOM | POOR_SENSOR | FORESHORTENED}.get(env_id, RANDOM | POOR_SENSOR)
-
-
 def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: Any) -> SyncVectorEnv:
     return SyncVectorEnv([lambda: make(env_id, **options)] * num_envs, autoreset_mode=mode)
-
-
-def first(num_envs: int, value: Any) -> Any:
-    """Return the part of a batch's answer that its first environments make."""
-    if isinstance(value, dict):
-        return {name: first(num_envs, part) for name, part in value.items()}
-    return value[:num_envs]
 
 
 # --- one alone and many together ----------------------------------------------------------------------------
@@ -82,31 +50,6 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
     assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
 
 
-FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
-OF_FURTHER_SENSORS = [sensor.info for sensor in FURTHER]
-
-
-@pytest.mark.parametrize(
-    ("env_id", "options"),
-    [
-        (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
-        (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
-        (GAIN, FURTHER_SENSORS | {"noise": 0.01, "law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1}),
-        (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
-        (SQUARE, {"action_mode": "torque_rate"}),
-        (SQUARE, {"action_mode": "torque_rate", "actuation_delay": 0.0137}),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_options_of_other_kernels_act_the_same_alone_and_in_a_batch(
-    env_id: str, options: dict[str, Any], kernels: str
-) -> None:
-    batch = vector(env_id, 3, max_episode_steps=23, **options)
-    infos = OF_FURTHER_SENSORS if "imu_link" in options else []
-    same_as_alone(batch, env_id, [options] * 3, 3 if kernels == "plain" else 60, infos)
-
-
 @pytest.mark.usefixtures("uncompiled")
 def test_an_invalid_state_resets_alike() -> None:
     """A diverged neighbour changes nothing for the others, and leaves nothing behind for its own next episode."""
@@ -122,53 +65,15 @@ def test_an_invalid_state_resets_alike() -> None:
     assert ended >= 5
 
 
-# Each program, and each width of a block, is a kernel of its own.
-WIDE = [
-    pytest.param(*case, marks=pytest.mark.slow) for case in ((PAPER, 11), (RESIDUAL, 11), (SQUARE, 250), (SQUARE, 1024))
-]
-
-
-@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), *WIDE])
-def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
-    """In one lane, in blocks of 8, the last of them nearly empty, or in two and three large ones."""
-    assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 8, 344]
-    options = random_options(env_id) | {"max_episode_steps": 31, "error_limit": 0.6}
-    runs = {}
-    for num_envs in (most, 8, 3, 1):
-        env = vector(env_id, num_envs, **options)
-        runs[num_envs] = [env.reset(seed=5)]
-        for actions in actions_for(vector(env_id, most), 80):
-            runs[num_envs].append(env.step(actions[:num_envs]))
-    for num_envs in (8, 3, 1):
-        for whole, part in zip(runs[most], runs[num_envs], strict=True):
-            *arrays, infos = part
-            assert_same(arrays, [value[:num_envs] for value in whole[:-1]], f"{num_envs}")
-            expected = first(num_envs, whole[-1])
-            for name, value in infos.items():  # what no environment of the part has is missing there
-                assert_same(value, expected[name] if not isinstance(value, dict) else first_of(expected[name], value))
-
-
-def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
-    return {name: whole[name] for name in part}
-
-
-@pytest.mark.parametrize(("count", "lanes"), [(16, 8), pytest.param(688, 344, marks=pytest.mark.slow)])
-def test_threads_give_the_same_bits(count: int, lanes: int) -> None:
-    """Two blocks on two threads."""
-    options = random_options(SQUARE) | {"max_episode_steps": 31}
+@pytest.mark.parametrize(
+    ("count", "lanes", "threads"), [(16, 8, 2), (3, 8, 4), pytest.param(688, 344, 2, marks=pytest.mark.slow)]
+)
+def test_threads_give_the_same_bits(count: int, lanes: int, threads: int) -> None:
+    """Two blocks on two threads, one on four."""
     assert block_lanes(count, 1) == block_lanes(count, 2) == lanes
-    one, two = (vector(SQUARE, count, threads=threads, **options) for threads in (1, 2))
-    assert_same(two.reset(seed=5), one.reset(seed=5))
-    for actions in actions_for(one, 60):
-        assert_same(two.step(actions), one.step(actions))
-    two.close()
-    one.close()
-
-
-def test_more_threads_than_blocks() -> None:
-    one, many = vector(SQUARE, 3), vector(SQUARE, 3, threads=4)
+    one, many = (vector(SQUARE, count, threads=n, max_episode_steps=31, **random_options(SQUARE)) for n in (1, threads))
     assert_same(many.reset(seed=5), one.reset(seed=5))
-    for actions in actions_for(one, 5):
+    for actions in actions_for(one, 60):
         assert_same(many.step(actions), one.step(actions))
     many.close()
 
@@ -279,44 +184,16 @@ def test_the_action_of_an_environment_that_begins_an_episode_is_not_read(num_env
 
 # --- memory -------------------------------------------------------------------------------------------------
 
-MEMORY = """
-import sys
-import numpy as np
-from flexarm_env.envs.vector import FlexArmVectorEnv
 
-def resident():
-    with open("/proc/self/status") as file:
-        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024.0  # [MiB]
-
-def run(env, steps):
-    env.reset(seed=0)
-    rng = np.random.default_rng(0)
-    for _ in range(steps):
-        env.step(rng.uniform(-1.0, 1.0, (env.num_envs, 2)).astype(np.float32))
-
-small = FlexArmVectorEnv(64, 50, arm="linear", start="mix", noise=0.01, threads=2)
-run(small, 300)
-"""
-GROWTH = MEMORY + "before = resident()\nrun(small, int(sys.argv[1]))\nprint(resident() - before)"
-SIZE = (
-    MEMORY
-    + "before = resident()\nlarge = FlexArmVectorEnv(4096, 50, arm='linear')\nrun(large, 5)\nprint(resident() - before)"
-)
-needs_proc = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the process's memory from /proc")
-
-
-@needs_proc
-@pytest.mark.slow
-@pytest.mark.parametrize("steps", [3200, 160_000])
-def test_memory_stays_flat(steps: int) -> None:
-    """Steps of 64 environments, with a reset every 50: a leak of 8 bytes a step and environment would show."""
-    assert float(in_fresh_process(GROWTH, str(steps))) < (1.5 if steps < 10_000 else 8.0)
-
-
-@needs_proc
-@pytest.mark.slow
 def test_many_environments_are_small() -> None:
-    assert float(in_fresh_process(SIZE)) < 200.0
+    """Also where each arm has a path of its own."""
+    for options in ({}, {"reference": "moves", "start": "corner"}):
+        tracemalloc.start()
+        batch = FlexArmVectorEnv(4096, 50, arm="linear", **options)
+        taken = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+        batch.close()
+        assert taken < 200e6
 
 
 def test_what_could_not_be_made_can_be_let_go_of() -> None:

@@ -67,8 +67,7 @@ def test_noise_and_bias() -> None:
     spreads = np.array([2.0, 2.0, 0.2])
     env = mounted(imu_noise=(0.5, 0.05), imu_bias=(2.0, 0.2))
     _, read = readings(env, [0.0, 0.0], 400)
-    first, _ = env.simulator._rows["FURTHER_BIAS"]
-    noise = read - env.simulator._arenas[0, first : first + 3, 0]
+    noise = read - env.row("FURTHER_BIAS")
     np.testing.assert_allclose(noise.std(axis=0), [0.5, 0.5, 0.05], rtol=0.15)
     assert (np.abs(noise.mean(axis=0)) < 0.05 * spreads).all()
     assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.2
@@ -76,7 +75,7 @@ def test_noise_and_bias() -> None:
     biases = []
     for key in range(60):
         env.reset(key)
-        biases.append(env.simulator._arenas[0, first : first + 3, 0].copy())
+        biases.append(env.row("FURTHER_BIAS"))
     np.testing.assert_allclose(np.std(biases, axis=0), spreads, rtol=0.3)
 
 

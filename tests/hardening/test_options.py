@@ -16,15 +16,7 @@ from hypothesis import strategies as st
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
-from tests.hardening.strategies import (
-    GARBAGE,
-    NAMES,
-    SETTINGS_FIELDS,
-    any_options,
-    cases,
-    check_refusal,
-    declared_arms,
-)
+from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, cases, check_refusal, declared_arms
 
 
 def made(options: dict[str, Any]) -> FlexArmEnv | None:

@@ -7,8 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_env.envs.batch import block_lanes
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import FORESHORTENED, GAIN, SQUARE, actions_for, same_as_alone, vector
+from tests.support.envs import (
+    CASES,
+    FORESHORTENED,
+    GAIN,
+    PAPER,
+    RANDOM,
+    RESIDUAL,
+    SQUARE,
+    actions_for,
+    bare,
+    random_options,
+    same_as_alone,
+    vector,
+)
 from tests.support.plain import KERNELS
 
 REACH = "FlexArm/Reach-v0"
@@ -30,21 +45,49 @@ ALIKE_OF_OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
     (GAIN, {"lap_time": 8.0}),
 ]
+FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
+OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
+    (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
+    (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
+    (GAIN, FURTHER_SENSORS | {"noise": 0.01, "law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1}),
+    (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
+    (SQUARE, {"action_mode": "torque_rate"}),
+    (SQUARE, {"action_mode": "torque_rate", "actuation_delay": 0.0137}),
+]
 
 
 @pytest.mark.parametrize(("env_id", "options"), ALIKE, ids=str)
 @pytest.mark.parametrize("count", [8, 11])
 def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) -> None:
     """A full block, and one with lanes of no environment."""
-    batch = vector(env_id, count, max_episode_steps=23, **options)
-    same_as_alone(batch, env_id, [options] * count, 60)
+    same_as_alone(env_id, count, options, 60)
 
 
 @pytest.mark.parametrize(("env_id", "options"), ALIKE_OF_OTHER_KERNELS, ids=str)
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_lanes_that_are_alike_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
-    batch = vector(env_id, 8, max_episode_steps=23, **options)
-    same_as_alone(batch, env_id, [options] * 8, 10 if kernels == "plain" else 60)
+    same_as_alone(env_id, 8, options, 10 if kernels == "plain" else 60)
+
+
+@pytest.mark.parametrize(("env_id", "options"), OTHER_KERNELS, ids=str)
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_lanes_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
+    infos = [sensor.info for sensor in FURTHER] if "imu_link" in options else []
+    same_as_alone(env_id, 3, options, 3 if kernels == "plain" else 60, infos_too=infos)
+
+
+# Each program, and each width of a block, is a kernel of its own.
+WIDE = [
+    pytest.param(*case, marks=pytest.mark.slow) for case in ((PAPER, 11), (RESIDUAL, 11), (SQUARE, 250), (SQUARE, 1024))
+]
+
+
+@pytest.mark.parametrize(("env_id", "count"), [(SQUARE, 11), *WIDE])
+def test_lanes_of_blocks_of_any_width(env_id: str, count: int) -> None:
+    """In blocks of 8, the last of them nearly empty, or in three large ones; with all that is random."""
+    assert [block_lanes(many, 1) for many in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 8, 344]
+    options = random_options(env_id) | {"error_limit": 0.6}
+    same_as_alone(env_id, count, options, 80, chosen=[*range(0, count, count // 10), 7, 8, count - 1])
 
 
 def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
@@ -67,9 +110,8 @@ def test_observations_of_any_length(count: int) -> None:
     """Eight numbers of eight lanes are written at once: fewer, just as many, and some more."""
     blocks = ["inner_gain"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
     options = {"observation": blocks, **({"last_actions": count // 2} if count > 1 else {})}
-    batch = vector(SQUARE, 8, max_episode_steps=23, **options)
-    assert batch.single_observation_space.shape == (count,)
-    same_as_alone(batch, SQUARE, [options] * 8, 40)
+    assert bare(**options).observation_space.shape == (count,)
+    same_as_alone(SQUARE, 8, options, 40)
 
 
 def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:

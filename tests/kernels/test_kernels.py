@@ -97,13 +97,8 @@ class Batch:
         sin, cos = sincos(y[self.modes + 1] - y[0])
         return cos, sin, sincos(dyn.joint_angles(self.known, list(y))[1])[0]
 
-    def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Compute the accelerations that the package's formulas give on arrays."""
-        k = self.known
-        return np.array(dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, self.angles(y)))
-
     def rates_by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Compute the rates of positions and momenta likewise."""
+        """Compute the rates of positions and momenta by the package's formulas on arrays."""
         force = dyn.momentum_rate(self.known, self.complete, list(y), list(v), (0.0, 0.0), self.angles(y))
         motors = dyn.generalised_torque(self.known, self.tau)
         return np.array([v, [a + b for a, b in zip(force, motors, strict=True)]])
@@ -116,17 +111,6 @@ class Batch:
     def momenta_by_numpy(self) -> np.ndarray:
         """Compute the momenta at the start likewise."""
         return np.array(dyn.momentum(self.known, list(self.y), list(self.v), *self.angles(self.y)[:2]))
-
-    def run(self, lanes: int, steps: int = 200) -> np.ndarray:
-        """States after each of some steps under the held torques. Shape (steps, 2 size, count)."""
-        arenas = self.arenas(lanes)
-        blocks = len(arenas)
-        torques = np.array([self.part(arenas[b : b + 1], lanes, "TAU").ravel() for b in range(blocks)])
-        states = np.zeros((steps, blocks, 2 * self.size * lanes))
-        done = self.module(lanes).run_open(arenas, np.tile(torques, (steps, 1, 1)), states, 2e-4, 1)
-        assert done == steps
-        shaped = states.reshape(steps, blocks, 2 * self.size, lanes)
-        return np.concatenate(list(shaped.transpose(1, 0, 2, 3)), axis=2)
 
 
 @pytest.fixture(scope="module", params=VARIANTS, ids=str)
@@ -172,34 +156,19 @@ def test_the_recording_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
 
 
-def test_slopes_are_the_arms_accelerations() -> None:
-    """The friendly object uses numpy's sines: some ulp off, grown by the mass matrix's condition of 1e4."""
-    batch = Batch(2, True)
-    for lane in range(LANES):
-        arm = FlexibleArm(loaded_arm(2))
-        state = random_state(arm.parameters, lane, deflection=0.2, rate=1.0)
-        internal = arm.internal_state(state)
-        batch.y[:, lane], batch.v[:, lane] = np.split(internal, 2)
-        batch.constants[lane] = arm.constants.flat()
-        rates = arm.public_state(np.concatenate([batch.v[:, lane], batch.by_numpy(batch.y, batch.v)[:, lane]]))
-        expected = arm.acceleration(state, batch.tau[:, lane])
-        np.testing.assert_allclose(rates[arm.size :], expected, atol=1e-11 * np.abs(expected).max())
-
-
-# --- the same bits everywhere -----------------------------------------------------------------------------------------
-
-
-def test_a_lane_of_a_block_runs_as_it_runs_alone(batch: Batch) -> None:
-    together, alone = batch.run(LANES), batch.run(1)
-    assert np.all(np.isfinite(together))
-    assert np.abs(together[-1] - together[0]).max() > 1.0
-    np.testing.assert_array_equal(together, alone)
+# --- threads ----------------------------------------------------------------------------------------------------------
 
 
 def test_threads_run_as_one_does(batch: Batch) -> None:
-    expected = batch.run(LANES)
+    def run(_: int) -> np.ndarray:
+        arenas = batch.arenas(LANES)
+        for _ in range(200):
+            batch.step_once(LANES, arenas[0], 2e-4)
+        return arenas
+
+    expected = run(0)
     with ThreadPoolExecutor(4) as pool:
-        for result in pool.map(lambda _: batch.run(LANES), range(8)):
+        for result in pool.map(run, range(8)):
             np.testing.assert_array_equal(result, expected)
 
 
@@ -221,19 +190,6 @@ def test_kernels_release_the_interpreter() -> None:
         took = now - started
     # a kernel that held the interpreter would stop this loop for nearly all of its time
     assert longest < 0.5 * took
-
-
-def test_a_lane_that_is_not_finite_stays_so_and_alone() -> None:
-    batch = Batch(2, True)
-    expected = batch.arenas(LANES)
-    batch.step_once(LANES, expected[0], 1e-3)
-    batch.v[0, 3] = np.nan
-    arenas = batch.arenas(LANES)
-    batch.step_once(LANES, arenas[0], 1e-3)
-    rates = batch.part(arenas, LANES, "V")
-    assert np.all(np.isnan(rates[:, 3]))
-    others = np.arange(LANES) != 3
-    np.testing.assert_array_equal(rates[:, others], batch.part(expected, LANES, "V")[:, others])
 
 
 # --- vectorised -------------------------------------------------------------------------------------------------------

@@ -7,12 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from flexarm_env import (
-    ArmParameters,
-    FlexibleArm,
-    SquareParameters,
-    square,
-)
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SensorModel
 from flexarm_env.physics import sensing

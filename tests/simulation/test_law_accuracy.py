@@ -49,19 +49,11 @@ CASES: dict[str, tuple[Problem, float, float]] = {
         2e-4,
         1e-3,
     ),
-    "paper, other gains": (
-        Problem(PAPER, END_EFFECTOR, LawParameters(80.0, 30.0), periods=ONE_CORNER),
-        5e-5,
-        5e-5,
-    ),
+    "paper, other gains": (Problem(PAPER, END_EFFECTOR, LawParameters(80.0, 30.0), periods=ONE_CORNER), 5e-5, 5e-5),
     "paper, gain 17": (Problem(periods=ONE_CORNER, gain=17.0), 5e-5, 6e-5),
     "2 modes, end effector": (Problem(arm_of(2), END_EFFECTOR, periods=ONE_CORNER), 4e-4, 4e-4),
     "2 modes, gain 17": (Problem(arm_of(2), periods=ONE_CORNER, gain=17.0), 7e-4, 2.2e-3),  # 1.1e-3 at the corner
-    "2 modes, unequal links, 4.2 m": (
-        Problem(UNEQUAL, SensorParameters(position=4.2), periods=ONE_CORNER),
-        4e-4,
-        4e-4,
-    ),
+    "2 modes, unequal links, 4.2 m": (Problem(UNEQUAL, SensorParameters(position=4.2), periods=ONE_CORNER), 4e-4, 4e-4),
     "4 modes, end effector": (Problem(arm_of(4), END_EFFECTOR, periods=ONE_CORNER), 9e-4, 9e-4),
     "4 modes, gain 17": (Problem(arm_of(4), periods=ONE_CORNER, gain=17.0), 1.7e-3, 2e-3),
 }

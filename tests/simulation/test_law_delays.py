@@ -34,11 +34,12 @@ def test_a_vanishing_delay_tends_to_none(delayed: Any) -> None:
     np.testing.assert_allclose(found[:-1] / found[1:], 10.0, rtol=0.2)
 
 
+@pytest.mark.parametrize(("delayed", "gain"), [("position", 1.0), ("position+rate", 0.02)])  # both are stable
 @pytest.mark.parametrize("delay", [1.25e-4, 2.5e-4 / 1.5, 2.5e-4, 1e-3])
-def test_no_jump_where_a_delay_meets_a_stage_or_a_step(delay: float) -> None:
+def test_no_jump_where_a_delay_meets_a_stage_or_a_step(delay: float, delayed: Any, gain: float) -> None:
     """Within a step, at a step and beyond it readings come from different formulas."""
     runs = [
-        simulated(Problem(sensor=SensorParameters(delay=delay * (1.0 + e), delayed="position"), periods=50))
+        simulated(Problem(sensor=SensorParameters(delay=delay * (1.0 + e), delayed=delayed), periods=50, gain=gain))
         for e in (-1e-9, 0.0, 1e-9)
     ]
     # a delay's sensitivity is some 1e3 rad/s per s: times 1e-12 s, with room

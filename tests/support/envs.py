@@ -50,6 +50,12 @@ CALM: dict[str, Any] = {
 POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
 FORESHORTENED = {"arm": "default"}
 
+
+def random_options(env_id: str) -> dict[str, Any]:
+    """Return options with all that is random, as far as kernels have it that other tests compile."""
+    return {PAPER: CALM, SQUARE: RANDOM | POOR_SENSOR | FORESHORTENED}.get(env_id, RANDOM | POOR_SENSOR)
+
+
 # Each combination of sensor model, kinematics, velocity forces, law and disturbances is a kernel that a fresh clone
 # compiles: the cases below share them where what they test does not depend on it.
 
@@ -163,7 +169,7 @@ def kinds_of(info: dict[str, Any]) -> dict[str, tuple[type, Any, tuple[int, ...]
 
 def shared_arm(env_id: str, options: dict[str, Any]) -> dict[str, Any]:
     """Return options with the linear arm unless they name one: tests that are not about the plant share its kernels."""
-    own = env_id == PAPER or "arm" in options.get("per_env", {})
+    own = env_id == PAPER or "arm" in (options.get("per_env") or {})
     return options if own else {"arm": "linear"} | options
 
 
@@ -205,31 +211,40 @@ def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
 
 
 def same_as_alone(
-    batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str, Any]], steps: int, infos_too: Sequence[str] = ()
+    env_id: str,
+    count: int,
+    options: dict[str, Any],
+    steps: int,
+    *,
+    per_env: dict[str, list[Any]] | None = None,
+    chosen: Sequence[int] | None = None,
+    infos_too: Sequence[str] = (),
 ) -> None:
-    """Compare a batch with single environments made with the options of each, to the last bit.
+    """Compare a batch with single environments of the same options, all or those chosen, to the last bit.
 
     Episodes begin anew after 23 steps, and where they end before.
     """
-    alone = [make(env_id, max_episode_steps=23, **options) for options in each]
+    batch = vector(env_id, count, max_episode_steps=23, per_env=per_env, **options)
+    own = {i: {name: values[i] for name, values in (per_env or {}).items()} for i in chosen or range(count)}
+    alone = {i: make(env_id, max_episode_steps=23, **options, **each) for i, each in own.items()}
     found, _ = batch.reset(seed=7)
-    expected = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
-    ended = np.zeros(len(alone), dtype=bool)
+    expected = {i: env.reset(seed=7 + i)[0] for i, env in alone.items()}
+    ended = set()
     for actions in 0.7 * actions_for(batch, steps):
-        assert_same(found, np.array(expected))
+        for i, observation in expected.items():
+            assert_same(found[i], observation)
         found, rewards, terminated, truncated, infos = batch.step(actions)
-        for i, env in enumerate(alone):
-            if ended[i]:
+        for i, env in alone.items():
+            if i in ended:
                 expected[i], info = env.reset()
-                ended[i] = False
+                ended.remove(i)
             else:
                 expected[i], reward, over, cut, info = env.step(actions[i])
                 assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
-                ended[i] = over or cut
+                ended |= {i} if over or cut else set()
             for name in ("sensed", "state", "reference", "torque", *infos_too):
                 assert_same(infos[name][i], info[name], name)
-            described = batch.episode.one(i)
-            assert described == env.unwrapped.episode  # type: ignore[attr-defined]
+            assert batch.episode.one(i) == env.unwrapped.episode  # type: ignore[attr-defined]
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:

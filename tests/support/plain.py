@@ -21,7 +21,7 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
 from flexarm_env.kernels.entries import word
-from flexarm_env.kernels.variants import Block, Variant
+from flexarm_env.kernels.variants import Variant
 
 
 def is_shared(variant: AnyVariant) -> bool:
@@ -89,11 +89,6 @@ _SHARED = {
 KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
 
 
-def block_of(**parts: Any) -> Block:
-    """Make a block of what a driver reads."""
-    return Block(**{**dict.fromkeys(Block._fields), **parts})
-
-
 class PlainEnvironment:
     """One environment.
 
@@ -124,6 +119,11 @@ class PlainEnvironment:
     def result(self, name: str) -> NDArray[np.float64]:
         """Return a part of what is known at the present instant (`result_sizes`), in a new array."""
         return self.simulator.result(0)[self.simulator.parts[name]]
+
+    def row(self, name: str) -> NDArray[np.float64]:
+        """Return a row of the arena, in a new array. Shape (count,)."""
+        first, count = self.simulator._rows[name]
+        return self.simulator._arenas[0, first : first + count, 0].copy()
 
     def _run(self) -> None:
         with plain_python(self.simulator._variant), np.errstate(all="ignore"):  # keys overflow, as compiled
