@@ -76,17 +76,6 @@ def test_the_torque_is_the_papers_law_times_the_gain() -> None:
         np.testing.assert_allclose(info["torque"], expected, rtol=1e-9, atol=1e-8)
 
 
-@pytest.mark.usefixtures("uncompiled")
-def test_noise_reaches_the_law() -> None:
-    """And moves the arm, unlike the noise of a sensor that no law acts on."""
-    noisy, clean = paper(noise=0.01), paper()
-    for env in (noisy, clean):
-        for _ in range(20):
-            info = env.step(np.ones(1))[4]
-        env.last = info["state"]
-    assert 1e-9 < np.abs(noisy.last - clean.last)[:2].max() < 1e-2
-
-
 # --- observation and info -----------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
-from tests.support.envs import assert_same, bare
+from tests.support.envs import bare, refused_unmoved
 from tests.support.refusals import label, refuses
 
 DRAWING = {"randomisation": {"stiffness": (0.5, 2.0), "delay": (0.0, 0.1), "noise": (0.0, 0.1), "damping": (0.0, 0.3)}}
@@ -56,6 +56,9 @@ def test_quantities_of_an_episode() -> None:
         ({"time": memoryview(b"a")}, ValueError, ("options['time'] = <memory", "real numbers")),
         ({"start": "side"}, ValueError, ("options['start'] = 'side'", "'corner', 'corners', 'moving', 'mix'")),
         ({"start": 1}, ValueError, ("options['start'] = 1",)),
+        ({"elbow_branch": "up"}, ValueError, ("options['elbow_branch'] = 'up'", "'positive', 'negative', 'either'")),
+        ({"direction": 1}, ValueError, ("options['direction'] = 1", "'clockwise', 'counterclockwise', 'either'")),
+        ({"direction": ["clockwise"] * 2}, ValueError, ("options['direction']", "one value or 1")),
         ({"time": 16.0}, ValueError, ("options['time'] = 16.0", "from 0 to 16")),
         ({"time": -0.1}, ValueError, ("options['time'] = -0.1", "from 0 to 16")),
         ({"time": math.nan}, ValueError, ("options['time'] = nan",)),
@@ -86,15 +89,15 @@ def test_a_bad_reset_option_is_refused_and_nothing_moves(
     options: Any, error: type[Exception], words: tuple[str, ...]
 ) -> None:
     env, twin = bare(**DRAWING), bare(**DRAWING)
-    with refuses(error, *words):
-        env.reset(options=options)
-    assert_same(env.step(np.zeros(2)), twin.step(np.zeros(2)))
-    assert_same(env.reset(options={}), twin.reset())
+    with refused_unmoved(env, twin, error, *words):
+        env.reset(seed=7, options=options)
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_options_that_a_settings_rules_out() -> None:
+def test_options_that_settings_rule_out() -> None:
     with refuses(ValueError, "options['path'] = 'square'", "draws its own moves"):
         bare("FlexArm/Reach-v0").reset(options={"path": "square"})
+    with refuses(ValueError, "options['direction'] = 'clockwise'", "no effect"):
+        bare("FlexArm/Reach-v0").reset(options={"direction": "clockwise"})
     with refuses(ValueError, "['delay'] = 0.01", "from 0 to 0"):
         bare(sensor="collocated").reset(options={"parameters": {"delay": 0.01}})

@@ -12,9 +12,8 @@ from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.parameters import CLAMPED_ONE_PERCENT
-from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
+from tests.support.envs import FREE, GAIN, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
 
-FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
 WEIGHTS = {"tracking_wide": 0.5, "tracking_middle": 2.0, "effort": 0.25, "vibration": 3.0, "action_change": 0.125}
 
 
@@ -32,6 +31,7 @@ def test_the_reward_is_the_weighted_sum_of_its_terms(env_id: str) -> None:
         _, reward, _, _, info = env.step(action)
         action = np.clip(action.astype(np.float64), -1.0, 1.0)
         distance = math.dist(info["true_tip"], square(SquareParameters()).position(time + info["time"]))
+        assert info["tip_error"] == pytest.approx(distance, rel=1e-11)
         rates = env.arm.tip_deflection(info["state"][env.arm.size :])
         terms = {
             "tracking_wide": math.exp(-((distance / 0.6) ** 2)),

@@ -1,4 +1,4 @@
-"""`FlexArmVectorEnv`: options of a reset, what is refused, and what is handed out."""
+"""`FlexArmVectorEnv`: options of a reset, what is refused, also by a single environment, and what is handed out."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import IDS, SQUARE, actions_for, assert_same, make, vector
+from tests.support.envs import IDS, RESIDUAL, SQUARE, actions_for, assert_same, make, refused_unmoved, vector
 from tests.support.refusals import refuses
-
-NEXT_STEP, SAME_STEP = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP
-
 
 # --- options of a reset -------------------------------------------------------------------------------------
 
@@ -27,16 +25,12 @@ def test_each_environment_may_have_its_own_options() -> None:
     env = vector(SQUARE, 3, **made)
     state = np.zeros((3, 12))
     state[:, :2] = [(0.3, 1.0), (-0.2, 2.0), (1.0, 0.5)]
-    parameters: dict[str, Any] = {
-        "payload_mass": [0.0, 0.2, 0.4],
-        "stiffness": 1.3,
-        "delay": np.array([0.0, 0.03, 0.1]),
-    }
+    parameters: dict[str, Any] = {"payload_mass": [0.0, 0.2, 0.4], "delay": np.array([0.0, 0.03, 0.1])}
     options = {
         "start": ["moving", "corner", "mix"],
         "time": [0.0, 3.0, 15.9],
         "path": ["circle", "square", "circle"],
-        "parameters": parameters,
+        "parameters": parameters | {"stiffness": 1.3},
         "state": state,
     }
     found = [env.reset(seed=1, options=options)]
@@ -46,8 +40,7 @@ def test_each_environment_may_have_its_own_options() -> None:
     for i in range(3):
         single = make(SQUARE, **made)
         own = {name: options[name][i] for name in ("start", "time", "path", "state")}
-        own["parameters"] = {"payload_mass": parameters["payload_mass"][i], "stiffness": 1.3}
-        own["parameters"]["delay"] = parameters["delay"][i]
+        own["parameters"] = {"stiffness": 1.3} | {name: values[i] for name, values in parameters.items()}
         observation, info = single.reset(seed=1 + i, options=own)
         np.testing.assert_array_equal(info["state"], state[i])
         np.testing.assert_array_equal(found[0][0][i], observation)
@@ -58,7 +51,10 @@ def test_each_environment_may_have_its_own_options() -> None:
             assert whole[1][i] == reward
 
 
-MASKED = {"reset_mask": np.array([True, False, False])}
+def begun(made: Callable[..., Any], *arguments: Any) -> Any:
+    env = made(*arguments)
+    env.reset(seed=0)
+    return env
 
 
 @pytest.mark.parametrize(
@@ -80,14 +76,9 @@ MASKED = {"reset_mask": np.array([True, False, False])}
 def test_bad_options_are_refused_and_nothing_moves(
     options: dict[str, Any], error: type[Exception], words: tuple[str, ...]
 ) -> None:
-    env, twin = vector(SQUARE), vector(SQUARE)
-    env.reset(seed=0)
-    twin.reset(seed=0)
-    with refuses(error, *words):
+    env, twin = begun(vector), begun(vector)
+    with refused_unmoved(env, twin, error, *words):
         env.reset(seed=7, options=options)
-    for actions in actions_for(env, 3):
-        assert_same(env.step(actions), twin.step(actions))
-    assert_same(env.reset(), twin.reset())
 
 
 BAD_SEEDS: list[tuple[Any, str]] = [
@@ -106,7 +97,7 @@ BAD_SEEDS: list[tuple[Any, str]] = [
 def test_resets_that_cannot_be() -> None:
     env = vector(SQUARE)
     with refuses(ValueError, "the first reset must begin an episode in every environment"):
-        env.reset(options=dict(MASKED))
+        env.reset(options={"reset_mask": np.array([True, False, False])})
     with refuses(ValueError, "seed: must be one number or 3, got 2"):
         env.reset(seed=[1, 2])
     for seed, words in BAD_SEEDS:
@@ -114,6 +105,19 @@ def test_resets_that_cannot_be() -> None:
             env.reset(seed=seed)
     with refuses(RuntimeError, "step() before reset()"):
         env.step(np.zeros((3, 2), np.float32))
+    twin = begun(vector)
+    env.reset(seed=0)
+    with refused_unmoved(env, twin, ValueError, "seed[2] = -1"):
+        env.reset(seed=[7, 8, -1])
+
+
+def test_calls_of_one_environment_that_cannot_be() -> None:
+    with refuses(RuntimeError, "step() before reset()"):
+        FlexArmEnv().step(np.zeros(2, np.float32))
+    with refuses(RuntimeError, "render() before reset()"):
+        FlexArmEnv(render_mode="rgb_array").render()
+    with refuses(AttributeError, "gain_limit: the action is 'torque', not the gain"):
+        _ = FlexArmEnv().gain_limit
 
 
 # --- bad arguments ------------------------------------------------------------------------------------------
@@ -141,25 +145,34 @@ def test_a_wrong_argument_names_itself(options: dict[str, Any], error: type[Exce
         FlexArmVectorEnv(**options)
 
 
+BAD_ACTIONS: list[tuple[Any, str]] = [
+    ([np.nan, 0.0], "action[0] = nan: must be finite"),
+    ([0.0, -np.inf], "action[1] = -inf: must be finite"),
+    ([0.0], "action: must have shape (2,), got (1,)"),
+    (0.0, "action: must have shape (2,), got ()"),
+    ([[0.0, 0.0]], "action: must have shape (2,), got (1, 2)"),
+]
+BAD_ACTIONS_OF_THREE: list[tuple[Any, str]] = [
+    (np.zeros(2), "actions: must have shape (3, 2), got (2,)"),
+    (np.zeros((3, 1)), "actions: must have shape (3, 2), got (3, 1)"),
+    (np.full((3, 2), np.nan), "actions[0, 0] = nan: must be finite"),
+    ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], "actions[1, 1] = inf: must be finite"),
+    (np.zeros((3, 2), bool), "must be an array of real numbers"),
+    ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be an array of real numbers"),
+]
+
+
 @pytest.mark.parametrize(
-    ("actions", "words"),
+    ("made", "env_id", "actions", "words"),
     [
-        (np.zeros(2), ("actions: must have shape (3, 2), got (2,)",)),
-        (np.zeros((3, 1)), ("actions: must have shape (3, 2), got (3, 1)",)),
-        (np.full((3, 2), np.nan), ("actions[0, 0] = nan: must be finite",)),
-        ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], ("actions[1, 1] = inf: must be finite",)),
-        (np.zeros((3, 2), bool), ("actions", "must be an array of real numbers")),
-        ([[0.0, 0.0], [0.0], [0.0, 0.0]], ("actions", "must be an array of real numbers")),
+        *((make, env_id, *row) for row in BAD_ACTIONS for env_id in (SQUARE, RESIDUAL)),
+        *((vector, SQUARE, *row) for row in BAD_ACTIONS_OF_THREE),
     ],
 )
-def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[str, ...]) -> None:
-    env, twin = vector(SQUARE), vector(SQUARE)
-    env.reset(seed=0)
-    twin.reset(seed=0)
-    with refuses(ValueError, *words):
+def test_wrong_actions_are_refused_and_nothing_moves(made: Any, env_id: str, actions: Any, words: str) -> None:
+    env, twin = begun(made, env_id), begun(made, env_id)
+    with refused_unmoved(env, twin, ValueError, words):
         env.step(actions)
-    for good in actions_for(env, 3):
-        assert_same(env.step(good), twin.step(good))
 
 
 @pytest.mark.parametrize(
@@ -175,9 +188,7 @@ def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[
     ids=["float64", "long double", "list", "other byte order", "not contiguous", "matrix"],
 )
 def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[Any], Any]) -> None:
-    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
-    for each in (env, twin, single, other):
-        each.reset(seed=0)
+    env, twin, single, other = map(begun, (vector, vector, make, make))
     for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 3, 2)):
         nearest = actions.astype(np.float32)
         assert (nearest != actions).all()
@@ -186,54 +197,19 @@ def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[An
 
 
 def test_a_refused_action_is_the_only_error() -> None:
-    env = make(SQUARE)
-    env.reset(seed=0)
     with pytest.raises(ValueError, match="action: must have shape") as caught:
-        env.step([0.0, 0.0, 0.0])
+        begun(make).step([0.0, 0.0, 0.0])
     assert caught.value.__context__ is None
 
 
 def test_actions_beyond_the_range_of_float32_are_limited() -> None:
-    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
-    for each in (env, twin, single, other):
-        each.reset(seed=0)
+    env, twin, single, other = map(begun, (vector, vector, make, make))
     assert_same(env.step(np.full((3, 2), -1e300)), twin.step(np.full((3, 2), -1.0, np.float32)))
     assert_same(single.step(np.full(2, 1e300)), other.step(np.full(2, 1.0, np.float32)))
     assert_same(env.step(np.full((3, 2), 1e30, np.float32)), twin.step(np.ones((3, 2), np.float32)))
 
 
 # --- what is handed out -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP])
-def test_what_is_handed_out_is_new(mode: AutoresetMode) -> None:
-    env, twin = (vector(SQUARE, 3, autoreset_mode=mode, max_episode_steps=4) for _ in range(2))
-    spoil(env.reset(seed=0))
-    twin.reset(seed=0)
-    earlier = kept = None
-    for k, actions in enumerate(actions_for(env, 12)):
-        found = env.step(actions)
-        assert_same(earlier, kept)
-        assert_same(found, twin.step(actions))
-        if k % 2:
-            spoil(found)
-        earlier, kept = found, copy.deepcopy(found)
-
-
-def spoil(value: Any) -> None:
-    """Overwrite every array of an answer but the infos' masks, which refuse it, being shared among keys."""
-    if isinstance(value, tuple):
-        for part in value:
-            spoil(part)
-    elif isinstance(value, dict):
-        for name, part in value.items():
-            if name.startswith("_") and part.dtype == bool and not part.flags.writeable:
-                continue
-            spoil(part)
-    elif value.dtype == bool:
-        value[:] = ~value
-    elif value.dtype != object:
-        value[:] = 99.0
 
 
 def test_masks_that_keys_share_cannot_be_written() -> None:
@@ -253,7 +229,7 @@ def test_spaces_and_metadata(env_id: str) -> None:
     env, single = vector(env_id, 3, autoreset_mode="SameStep", **options), make(env_id, **options)
     assert env.single_observation_space == single.observation_space
     assert env.single_action_space == single.action_space
-    assert env.metadata["autoreset_mode"] is SAME_STEP
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert env.observation_blocks == single.unwrapped.observation_blocks
     assert env.spec is not None
     assert env.spec.id == env_id

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
+from tests.support.refusals import refuses
 
 Array = NDArray[np.float64]
 OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
@@ -245,6 +247,16 @@ def same_as_alone(
             for name in ("sensed", "state", "reference", "torque", *infos_too):
                 assert_same(infos[name][i], info[name], name)
             assert batch.episode.one(i) == env.unwrapped.episode  # type: ignore[attr-defined]
+
+
+@contextmanager
+def refused_unmoved(env: Any, twin: Any, kind: type[Exception], *words: str) -> Iterator[None]:
+    """Check that `env` refuses a call with these words, and that it then goes on as its twin does."""
+    with refuses(kind, *words):
+        yield
+    for actions in actions_for(env, 3):
+        assert_same(env.step(actions), twin.step(actions))
+    assert_same(env.reset(), twin.reset())
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:
