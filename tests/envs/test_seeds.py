@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils import seeding
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from flexarm_env.envs.seeding import AHEAD, EpisodeKeys, new_keys
@@ -132,6 +132,7 @@ def test_observing_more_changes_nothing() -> None:
     calls=st.lists(st.lists(st.integers(0, 2), unique=True, min_size=1), max_size=3 * AHEAD),
     seeded_anew=st.integers(0, 3 * AHEAD),
 )
+@example(calls=[[0, 1], [1, 2], [1]], seeded_anew=1)
 def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], seeded_anew: int) -> None:
     keys, everyone = EpisodeKeys(3), np.ones(3, dtype=bool)
     keys.seed([7, 8, 9], everyone)

@@ -51,26 +51,6 @@ def test_a_bent_link_keeps_its_length(link: int) -> None:
     assert centre_line_excess(foreshortened, q, link) < 0.1 * centre_line_excess(linear, q, link)
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3, 4])
-def test_kinetic_energy_and_momentum_are_sums_over_material_points(modes: int) -> None:
-    """Of a loaded arm without rotary inertias, by Gauss' rule; `velocity` knows nothing of the mass matrix."""
-    still = {"shoulder_hub_inertia": 0.0, "elbow_hub_inertia": 0.0, "payload_inertia": 0.0}
-    _, arm = both(modes, **still)
-    p, state = arm.parameters, random_state(arm.parameters, 5)
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    points, rates, masses = [], [], []
-    for link, (length, rho) in enumerate(zip(p.link_lengths, p.masses_per_length, strict=True), 1):
-        s = np.append(0.5 * length * (nodes + 1.0), length)
-        repeated = np.tile(state, (len(s), 1))
-        points.append(arm.position(repeated[:, : arm.size], link, s))
-        rates.append(arm.velocity(repeated, link, s))
-        masses.append(np.append(0.5 * length * rho * weights, (p.elbow_mass, p.payload_mass)[link - 1]))
-    at, rate, mass = np.concatenate(points), np.concatenate(rates), np.concatenate(masses)
-    assert arm.energy(state).kinetic == pytest.approx(0.5 * mass @ (rate**2).sum(axis=1), rel=1e-11)
-    moment = mass @ (at[:, 0] * rate[:, 1] - at[:, 1] * rate[:, 0])
-    assert arm.angular_momentum(state) == pytest.approx(moment, rel=1e-11)
-
-
 @pytest.mark.parametrize("s", [0.5, 3.7])
 def test_sensors_see_the_point_where_it_is(s: float) -> None:
     """The kernels' kinematics of a point of link 2 are those of `position`, `velocity` and `point_jacobian`."""
@@ -84,17 +64,6 @@ def test_sensors_see_the_point_where_it_is(s: float) -> None:
     )
     rows = np.array(sensing.true_jacobian(arm.constants, arm.place(2, s), y, one, two))
     np.testing.assert_allclose(rows @ np.array(v), arm.velocity(state, 2, s), **close)
-
-
-def test_point_jacobian_is_the_positions_derivative() -> None:
-    _, arm = both(2)
-    q = random_state(arm.parameters, 4)[: arm.size]
-    step = 1e-6  # central differences: step^2 of truncation, EPS / step of rounding
-    for link in (1, 2):
-        jacobian = arm.point_jacobian(q, link, 2.5)
-        moves = step * np.eye(arm.size)
-        differences = (arm.position(q + moves, link, 2.5) - arm.position(q - moves, link, 2.5)) / (2.0 * step)
-        np.testing.assert_allclose(jacobian, differences.T, atol=1e-8)
 
 
 # --- forces -----------------------------------------------------------------------------------------------------------

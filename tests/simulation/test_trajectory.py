@@ -1,7 +1,9 @@
 """`Trajectory`: checked when made, the same after saving and loading."""
 
+import io
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,32 +42,38 @@ def test_a_policys_run_survives_saving(default: FlexibleArm, tmp_path: Path) -> 
     assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
-    reasons = {
-        "text": "not a saved Trajectory (",
-        "empty": "not a saved Trajectory (",
-        "array": "not a saved Trajectory (File is not a zip file)",
-        "arrays": "not a saved Trajectory (no entry 'head')",
-        "cut": "not a saved Trajectory (",
-        "future": "format 99; this version reads 1",
-        "list": "not a saved Trajectory (the entry 'head' is not a JSON object)",
-        "torn": "not a saved Trajectory (",
-        "bare": "not a saved Trajectory (no entry 'parameters')",
-        "few": "not a saved Trajectory (time: must be an array, and is missing)",
-    }
-    paths = {name: tmp_path / f"{name}.npz" for name in reasons}
-    paths["text"].write_text("time, x, y")
-    paths["empty"].write_bytes(b"")
-    with paths["array"].open("wb") as file:
-        np.save(file, np.zeros(3))
-    np.savez(paths["arrays"], time=np.zeros(3))
-    paths["cut"].write_bytes(paths["arrays"].read_bytes()[:100])
-    heads = {"future": '{"format": 99}', "list": "[1]", "torn": "{", "bare": '{"format": 1}'}
-    heads["few"] = '{"format": 1, "parameters": {}, "notes": {}}'
-    for name, head in heads.items():
-        np.savez(paths[name], head=np.array(head))
-    for name, path in paths.items():
-        with refuses(ValueError, f"{path}: {reasons[name]}"):
-            Trajectory.load(path)
+def npz(**arrays: Any) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def headed(head: str) -> bytes:
+    return npz(head=np.array(head))
+
+
+OTHER: dict[str, tuple[bytes, str]] = {
+    "text": (b"time, x, y", "not a saved Trajectory ("),
+    "empty": (b"", "not a saved Trajectory ("),
+    "array": (b"\x93NUMPY" + bytes(200), "not a saved Trajectory (File is not a zip file)"),
+    "arrays": (npz(time=np.zeros(3)), "not a saved Trajectory (no entry 'head')"),
+    "cut": (npz(time=np.zeros(3))[:100], "not a saved Trajectory ("),
+    "future": (headed('{"format": 99}'), "format 99; this version reads 1"),
+    "list": (headed("[1]"), "not a saved Trajectory (the entry 'head' is not a JSON object)"),
+    "torn": (headed("{"), "not a saved Trajectory ("),
+    "bare": (headed('{"format": 1}'), "not a saved Trajectory (no entry 'parameters')"),
+    "few": (headed('{"format": 1, "parameters": {}, "notes": {}}'), "(time: must be an array, and is missing)"),
+}
+
+
+@pytest.mark.parametrize(("content", "reason"), OTHER.values(), ids=OTHER)
+def test_other_files_are_refused(tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "run.npz"
+    path.write_bytes(content)
+    with refuses(ValueError, f"{path}: ", reason):
+        Trajectory.load(path)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         Trajectory.load(tmp_path / "none.npz")
