@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from flexarm_agents.policies.load import load_policy as load_policy
     from flexarm_agents.policies.load import shipped_policies as shipped_policies
     from flexarm_agents.policies.network import NetworkPolicy as NetworkPolicy
+    from flexarm_agents.policies.onnx_file import export_onnx as export_onnx
     from flexarm_agents.sb3.export import network_policy as network_policy
     from flexarm_agents.sb3.vec_env import FlexArmVecEnv as FlexArmVecEnv
     from flexarm_agents.teaching.config import DAggerConfig as DAggerConfig
@@ -56,6 +57,7 @@ _MODULES = {
     "TrainingStopped": "jobs.stopping",
     "config_of": "training.config",
     "evaluate": "evaluation.scoring",
+    "export_onnx": "policies.onnx_file",
     "load_policy": "policies.load",
     "network_policy": "sb3.export",
     "score": "evaluation.scoring",

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import flexarm_agents.training.models
 import flexarm_agents.training.reward
-from flexarm_agents import NetworkPolicy, config_of, load_policy, network_policy, train
+from flexarm_agents import NetworkPolicy, config_of, export_onnx, load_policy, network_policy, train
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
@@ -46,6 +46,33 @@ def test_numpy_predicts_what_torch_predicts(name: str, tmp_path: Path) -> None:
         largest = max(largest, np.abs(expected).max())
     assert largest == 1.0 or name in TINIES  # limits were met
     assert policy.predict(observations[0], deterministic=True)[0].shape == (2,)
+
+
+@pytest.mark.parametrize("name", ["square", "scheduler", "student_unknown", "sac", "recurrent_ppo"])
+def test_onnx_predicts_what_numpy_predicts(name: str, tmp_path: Path) -> None:
+    """Over several steps; memories as when an episode begins, then handed on. To 1e-6: sums in another order."""
+    pytest.importorskip("onnx")
+    run_time = pytest.importorskip("onnxruntime")
+    policy = network_policy(new_model(config_of(**TINIES[name]))) if name in TINIES else load_policy(name).policy
+    export_onnx(policy, tmp_path / "policy.onnx")
+    session = run_time.InferenceSession(tmp_path / "policy.onnx", providers=["CPUExecutionProvider"])
+    state, memory, rng = None, {}, np.random.default_rng(0)
+    for _ in range(5):
+        observations = rng.normal(size=(3, policy.observation_size)).astype(np.float32)
+        if isinstance(policy.encoder, PastReadings) and not memory:
+            now = observations[:, None, list(policy.encoder.remembered)]
+            memory["memory_0"] = np.repeat(now, policy.encoder.lags[-1], axis=1)
+        elif isinstance(policy.encoder, Lstm) and not memory:
+            memory = {f"memory_{n}": np.zeros((3, policy.encoder.inputs), np.float32) for n in (0, 1)}
+        expected, state = policy.predict(observations, state)
+        action, *after = session.run(None, {"observation": observations, **memory})
+        memory = dict(zip(memory, after, strict=True))
+        np.testing.assert_allclose(action, expected, atol=1e-6)
+
+
+def test_a_policy_behind_a_filter_is_no_graph(tmp_path: Path) -> None:
+    with refuses(TypeError, "policy = NetworkPolicy(34 -> Observer", "no encoder, a history or an LSTM"):
+        export_onnx(load_policy("filtered").policy, tmp_path / "policy.onnx")
 
 
 def test_the_noise_of_a_squashed_policy_is_torchs() -> None:

@@ -22,6 +22,7 @@ OWN = ("vector_loop", "python_control")  # with what the extra `test` brings
 LIBRARIES = {
     "casadi": ("casadi",),
     "cleanrl": ("torch", "tyro"),
+    "export": ("control", "onnx", "onnxruntime"),
     "minari": ("minari", "h5py"),
     "off_policy": ("stable_baselines3", "sb3_contrib", "yaml", "optuna"),
     "rl_zoo3": ("rl_zoo3", "optuna", "requests", "pandas"),

@@ -1,0 +1,106 @@
+"""`export_onnx`: a trained policy as an ONNX file, for run times without Python. Format: https://onnx.ai/onnx/."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexarm_agents.policies.encoders import PastReadings
+from flexarm_agents.policies.lstm import Lstm
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_env.extras import needs_extra
+from flexarm_env.validation import shown
+
+OPSET, IR = 17, 8  # versions that run times of 2022 and later read
+ACTIVATIONS = {"elu": "Elu", "tanh": "Tanh", "relu": "Relu"}
+
+
+class _Graph:
+    """Nodes and constants of a graph, named by their number."""
+
+    def __init__(self, onnx: Any) -> None:
+        self.onnx, self.nodes, self.constants = onnx, list[Any](), list[Any]()
+
+    def put(self, operator: str, *inputs: Any, to: str = "", **attributes: Any) -> str:
+        """Add a node and return the name of its result; inputs are names or arrays."""
+        names = [one if isinstance(one, str) else self._constant(one) for one in inputs]
+        to = to or f"x{len(self.nodes)}"
+        self.nodes.append(self.onnx.helper.make_node(operator, names, [to], **attributes))
+        return to
+
+    def _constant(self, value: Any) -> str:
+        name = f"c{len(self.constants)}"
+        self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(value), name))
+        return name
+
+
+def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
+    """Write the deterministic policy: input `observation`, (n, k), output `action`, (n, actions), float32.
+
+    A policy with a memory has further inputs `memory_0`, ... and outputs `next_memory_0`, ... When an episode begins,
+    all readings of a history, (n, longest lag, numbers), are the present ones, and both of an LSTM, (n, h), are 0.
+
+    Args:
+        policy: e.g. `load_policy("square").policy`; its file's notes are not written.
+        path: of the file.
+
+    Raises:
+        TypeError: for anything but a `NetworkPolicy`, or one behind a Kalman filter, which is no graph.
+        ModuleNotFoundError: without the package onnx, naming the extra.
+    """
+    kinds: dict[type, Any] = {type(None): _nothing, PastReadings: _history, Lstm: _lstm}
+    if not isinstance(policy, NetworkPolicy) or type(policy.encoder) not in kinds:
+        raise TypeError(f"policy = {shown(policy)}: must be a NetworkPolicy with no encoder, a history or an LSTM")
+    with needs_extra("export_onnx", "export"):
+        import onnx
+    graph = _Graph(onnx)
+    x, memory = kinds[type(policy.encoder)](graph, policy.encoder)
+    for weight, bias in zip(policy.weights[:-1], policy.biases[:-1], strict=True):
+        x = graph.put(ACTIVATIONS[policy.activation], graph.put("Gemm", x, weight, bias, transB=1))
+    x = graph.put("Gemm", x, policy.weights[-1], policy.biases[-1], transB=1)
+    if policy.log_std_weights is None:
+        graph.put("Clip", x, np.float32(-1.0), np.float32(1.0), to="action")
+    else:
+        graph.put("Tanh", x, to="action")
+
+    def values(sizes: dict[str, tuple[int, ...]]) -> list[Any]:
+        kind = onnx.TensorProto.FLOAT
+        return [onnx.helper.make_tensor_value_info(name, kind, ["n", *size]) for name, size in sizes.items()]
+
+    inputs = {"observation": (policy.observation_size,)} | {f"memory_{n}": size for n, size in enumerate(memory)}
+    outputs = {"action": policy.log_std.shape} | {f"next_memory_{n}": size for n, size in enumerate(memory)}
+    whole = onnx.helper.make_graph(graph.nodes, "policy", values(inputs), values(outputs), graph.constants)
+    model = onnx.helper.make_model(whole, opset_imports=[onnx.helper.make_opsetid("", OPSET)], ir_version=IR)
+    onnx.checker.check_model(model, full_check=True)
+    onnx.save(model, path)
+
+
+def _nothing(graph: _Graph, encoder: None) -> tuple[str, list[tuple[int, ...]]]:
+    return "observation", []
+
+
+def _history(graph: _Graph, encoder: PastReadings) -> tuple[str, list[tuple[int, ...]]]:
+    """Return the network's inputs and the memory's shapes; see `PastReadings.advance`."""
+    now = graph.put("Gather", "observation", np.array(encoder.remembered), axis=1)
+    past = graph.put("Gather", "memory_0", np.array(encoder.lags) - 1, axis=1)
+    kept = graph.put("Slice", "memory_0", np.array([0]), np.array([-1]), np.array([1]))
+    graph.put("Concat", graph.put("Unsqueeze", now, np.array([1])), kept, to="next_memory_0", axis=1)
+    flat = graph.put("Reshape", past, np.array([0, -1]))
+    return graph.put("Concat", "observation", flat, axis=1), [(encoder.lags[-1], len(encoder.remembered))]
+
+
+def _lstm(graph: _Graph, encoder: Lstm) -> tuple[str, list[tuple[int, ...]]]:
+    """Return the network's inputs and the memory's shapes; see `Lstm.advance`."""
+    remembered = graph.put("Gemm", "memory_0", encoder.lstm_memory, encoder.lstm_bias, transB=1)
+    sums = graph.put("Add", graph.put("Gemm", "observation", encoder.lstm_input, transB=1), remembered)
+    h = encoder.inputs
+    let_in, keep, new, let_out = (
+        graph.put("Tanh" if n == 2 else "Sigmoid", graph.put("Slice", sums, *np.array([[n * h], [n * h + h], [1]])))
+        for n in range(4)
+    )
+    kept, added = graph.put("Mul", keep, "memory_1"), graph.put("Mul", let_in, new)
+    cells = graph.put("Add", kept, added, to="next_memory_1")
+    out = graph.put("Mul", let_out, graph.put("Tanh", cells), to="next_memory_0")
+    return out, [(h,), (h,)]
