@@ -22,7 +22,7 @@ import pytest
 
 from flexarm_env.codegen import cache, cache_folder
 from flexarm_env.envs.single import FlexArmEnv
-from tests.codegen.conftest import give_away, warnings_of, widen
+from tests.codegen.conftest import Trap, give_away, warnings_of, widen
 from tests.support.refusals import refuses
 
 # --- a kernel that compiles in no time ----------------------------------------------------------------------------
@@ -130,16 +130,6 @@ def test_nobody_else_can_write_to_a_file_whatever_the_umask(folder: Path, umask:
     finally:
         os.umask(before)
     assert {S_IMODE(file.stat().st_mode) for file in folder.iterdir()} <= {0o600, 0o644}
-
-
-class Trap:
-    """Makes a file as soon as it is unpickled."""
-
-    def __init__(self, mark: Path) -> None:
-        self.mark = mark
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Path.touch, (self.mark,)
 
 
 def link(file: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,64 +27,30 @@ LENGTHS = (4.5, 3.0)
 BITS = st.integers(0, 2**64 - 1)
 
 
+def of_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Call a compiled function, which Python cannot call, with the numbers of arrays; a number is for all."""
+    one = njit(lambda *numbers: function(*numbers))
+    return lambda *arrays: np.array([one(*numbers) for numbers in zip(*np.broadcast_arrays(*arrays), strict=True)])
+
+
 @pytest.fixture(scope="module")
 def compiled() -> SimpleNamespace:
-    """Compile the functions as kernels have them, each with a loop over arrays around it."""
+    """Compile the functions as kernels have them."""
     functions = (elementary.uniform, elementary.normal, elementary.arctan2, elementary.sincos)
-    uniform, normal, arctan2, sincos, angles, rates = map(
-        Kernels(Variant(TORQUE, 1, True, 1)).compiled, (*functions, joint_angles_for, joint_rates_for)
-    )
-
-    @njit
-    def uniforms(keys: Any, places: Any) -> Any:
-        return np.array([uniform(keys[n], places[n]) for n in range(len(keys))])
-
-    @njit
-    def normals(keys: Any, places: Any) -> Any:
-        return np.array([normal(keys[n], places[n]) for n in range(len(keys))])
-
-    @njit
-    def arctan2s(y: Any, x: Any) -> Any:
-        return np.array([arctan2(y[n], x[n]) for n in range(len(x))])
-
-    @njit
-    def sines(x: Any) -> Any:
-        found = np.empty((len(x), 2))
-        for n in range(len(x)):
-            found[n] = sincos(x[n])
-        return found
-
-    @njit
-    def joint_angles(branch: float, points: Any) -> Any:
-        found = np.empty((len(points), 2))
-        for n in range(len(points)):
-            found[n] = angles(4.5, 3.0, branch, points[n, 0], points[n, 1])
-        return found
-
-    @njit
-    def joint_rates(theta: Any, velocity: Any) -> Any:
-        found = np.empty((len(theta), 2))
-        for n in range(len(theta)):
-            found[n] = rates(4.5, 3.0, theta[n, 0], theta[n, 1], velocity[n, 0], velocity[n, 1])
-        return found
-
+    own = map(Kernels(Variant(TORQUE, 1, True, 1)).compiled, (*functions, joint_angles_for, joint_rates_for))
+    uniforms, normals, arctan2s, sines, angles, rates = map(of_arrays, own)
     return SimpleNamespace(
         uniforms=uniforms,
         normals=normals,
         arctan2s=arctan2s,
         sines=sines,
-        joint_angles=joint_angles,
-        joint_rates=joint_rates,
+        joint_angles=lambda branch, points: angles(*LENGTHS, branch, *points.T),
+        joint_rates=lambda theta, velocity: rates(*LENGTHS, *theta.T, *velocity.T),
     )
 
 
 def consecutive(count: int, key: int = 12345, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return np.full(count, key, dtype=np.uint64), np.arange(first, first + count)
-
-
-def various_keys(count: int) -> np.ndarray:
-    """Consecutive ones, which differ in few bits."""
-    return np.arange(count, dtype=np.uint64)
 
 
 # --- random numbers -----------------------------------------------------------------------------------------
@@ -120,21 +87,8 @@ def test_uniform_is_the_same_in_any_arithmetic(compiled: SimpleNamespace, key: i
 
 
 @pytest.mark.parametrize("along", ["places", "keys"])
-def test_uniform_is_even(compiled: SimpleNamespace, along: str) -> None:
-    """By Kolmogorov and Smirnov, in its moments, and in the last bits; a chance of 1e-3 each to fail were it drawn."""
-    keys, places = consecutive(COUNT) if along == "places" else (various_keys(COUNT), np.full(COUNT, 17))
-    numbers = compiled.uniforms(keys, places)
-    assert stats.kstest(numbers, "uniform").pvalue > 1e-3
-    assert numbers.mean() == pytest.approx(0.5, abs=3.3 * 12**-0.5 * COUNT**-0.5)
-    assert numbers.var() == pytest.approx(1.0 / 12.0, abs=3.3 * 180**-0.5 * COUNT**-0.5)
-    last = (numbers * 2.0**53).astype(np.int64) & 255
-    assert stats.chisquare(np.bincount(last, minlength=256)).pvalue > 1e-3
-    assert len(np.unique(numbers)) > 0.999 * COUNT
-
-
-@pytest.mark.parametrize("along", ["places", "keys"])
 def test_normal_is_normal(compiled: SimpleNamespace, along: str) -> None:
-    keys, places = consecutive(COUNT) if along == "places" else (various_keys(COUNT), np.full(COUNT, 17))
+    keys, places = consecutive(COUNT) if along == "places" else (np.arange(COUNT, dtype=np.uint64), np.full(COUNT, 17))
     places = 2 * places  # each uses up two
     numbers = compiled.normals(keys, places)
     assert stats.kstest(numbers, "norm").pvalue > 1e-3

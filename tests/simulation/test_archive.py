@@ -19,6 +19,7 @@ from flexarm_agents import NetworkPolicy, load_policy
 from flexarm_baselines.optimal.plan import Plan, load_plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
+from tests.codegen.conftest import Trap
 from tests.support.refusals import refuses
 
 CONFIG = {"environment": "FlexArm/Square-v0", "options": {}}
@@ -142,16 +143,6 @@ def test_policies_of_strangers(tmp_path: Path, name: str, make: Callable[[Path],
         assert tracemalloc.get_traced_memory()[1] < 32 * 2**20
     finally:
         tracemalloc.stop()
-
-
-class Trap:
-    """Makes a file as soon as it is unpickled."""
-
-    def __init__(self, mark: Path) -> None:
-        self.mark = mark
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Path.touch, (self.mark,)
 
 
 @pytest.mark.parametrize("load", [load_policy, NetworkPolicy.load, Plan.load, Trajectory.load])
