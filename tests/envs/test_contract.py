@@ -60,9 +60,8 @@ def test_gymnasiums_checker(env_id: str, options: dict[str, Any], kernels: str) 
 
 
 @pytest.mark.parametrize("env_id", [SQUARE, PAPER])
-def test_gymnasiums_checker_with_pictures(env_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # the checker opens a window
+@pytest.mark.usefixtures("pygame")  # the checker opens a window
+def test_gymnasiums_checker_with_pictures(env_id: str) -> None:
     check_env(make(env_id).unwrapped)
 
 

@@ -20,7 +20,7 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.metrics import elbow_changes
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
-from tests.support.envs import PAPER, bare, make
+from tests.support.envs import PAPER, make
 
 
 def test_changes_of_the_elbows_side_are_counted() -> None:
@@ -91,11 +91,3 @@ def test_the_present_side_is_aimed_at(branch: float) -> None:
     assert (tip.real, tip.imag) == pytest.approx(point, abs=1e-12)
     moved = 1j * (tip * rate_1 + lengths[1] * np.exp(1j * (theta1 + theta2)) * rate_2)
     assert (moved.real, moved.imag) == pytest.approx(velocity, abs=1e-12)
-
-
-def test_a_wound_elbow_is_on_the_side_that_it_looks() -> None:
-    env = bare()
-    for theta2, side in ((0.5, 1.0), (-0.5, -1.0), (0.5 - 2.0 * np.pi, 1.0), (1.5 * np.pi, -1.0)):
-        state = np.zeros(2 * env.arm.size)
-        state[1] = theta2
-        assert env.reset(options={"state": state})[1]["elbow_side"] == side

@@ -73,12 +73,9 @@ def test_videos_are_recorded(tmp_path: Path) -> None:
     assert video.stat().st_size > 1000
 
 
-def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_a_window_follows_the_steps(pygame: Any) -> None:
     env = gymnasium.make(GAIN, render_mode="human")
     assert stepped(env, 3) is None
-    import pygame
-
     assert pygame.display.get_surface() is not None
     env.close()
     assert pygame.display.get_surface() is None

@@ -10,8 +10,8 @@ import pytest
 from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS, SCALAR
 from flexarm_env.envs.sensors import FURTHER
+from flexarm_env.envs.settings import Settings
 from tests.support.envs import SQUARE, WAYPOINTS, Array, bare, vector
-from tests.support.mirror import mirrored_options
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
@@ -30,6 +30,21 @@ PATHS: list[dict[str, Any]] = [
     {"reference": "waypoints", "waypoints": WAYPOINTS},
     {"arm": {"modes_per_link": 1, "kinematics": "foreshortened"}, "direction": "counterclockwise"},
 ]
+
+
+_OTHER = {"clockwise": "counterclockwise", "positive": "negative", "lower": "upper"}
+_OTHER |= {second: first for first, second in _OTHER.items()}
+
+
+def mirrored_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of the mirror image of an environment whose side and direction are not drawn."""
+    settings = Settings.of(options)
+    height, side = settings.start_corner.split()
+    changed: dict[str, Any] = {"elbow_branch": _OTHER[settings.elbow_branch]}
+    if settings.reference == ("waypoints",):
+        return options | changed | {"waypoints": [(x, -y) for x, y in settings.waypoints or ()]}
+    changed |= {"start_corner": f"{_OTHER[height]} {side}", "direction": _OTHER[settings.direction]}
+    return options | changed
 
 
 def blocks_of(mode: str) -> list[str]:

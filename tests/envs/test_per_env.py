@@ -193,17 +193,6 @@ def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) 
     assert (requested.episode.elbow_branch, requested.episode.direction) == ("positive", "clockwise")
 
 
-def test_each_environment_of_a_batch_has_its_order() -> None:
-    batch = vector(SQUARE, 8, reference=["square", "circle"])
-    branches, directions = ["positive", "negative"] * 4, ["clockwise", "clockwise", "counterclockwise", "either"] * 2
-    infos = batch.reset(seed=0, options={"elbow_branch": branches, "direction": directions, "start": "corner"})[1]
-    assert batch.episode.elbow_branch.tolist() == branches
-    np.testing.assert_array_equal(np.sign(infos["state"][:, 1]), [1.0, -1.0] * 4)
-    found = batch.episode.direction
-    assert found[[0, 1, 2, 4, 5, 6]].tolist() == [directions[i] for i in (0, 1, 2, 4, 5, 6)]
-    assert set(batch.episode.path) <= {"square", "circle"}
-
-
 @pytest.mark.parametrize("env_id", IDS)
 def test_which_ids_draw_the_branch(env_id: str) -> None:
     """All but the moves, whose other branch is a mirror image, and the paper's set-up; a seed decides the draw."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -184,20 +185,11 @@ def test_traces_may_be_short_or_long(renderer: Renderer, count: int) -> None:
     picture(renderer, trace=5.0 * np.hstack([np.cos(turn), np.sin(turn)]), time=0.001 * count)
 
 
-def test_a_long_trace_is_thinned(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    polygon, drawn = pygame.draw.polygon, 0
-
-    def counted(*arguments: Any) -> Any:
-        nonlocal drawn
-        drawn += 1
-        return polygon(*arguments)
-
-    monkeypatch.setattr(pygame.draw, "polygon", counted)
+def test_a_long_trace_is_thinned(pygame: Any, renderer: Renderer) -> None:
     for count in (16_000, 160_000):
-        drawn = 0
-        picture(renderer, trace=np.linspace((-6.0, -6.0), (-6.0, 6.0), count))
-        assert 250 < drawn < 1000
+        with patch.object(pygame.draw, "polygon", wraps=pygame.draw.polygon) as polygon:
+            picture(renderer, trace=np.linspace((-6.0, -6.0), (-6.0, 6.0), count))
+        assert 250 < polygon.call_count < 1000
 
 
 # --- where it can be drawn ----------------------------------------------------------------------------------
@@ -219,9 +211,7 @@ def test_needs_no_display_and_no_environment_variable(tmp_path: Path) -> None:
     assert result.stdout == ""  # a library does not print
 
 
-def test_a_window_opens_and_closes(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_a_window_opens_and_closes(pygame: Any) -> None:
     window = Renderer("human", SIZE, fps=1000)
     window.close()
     assert not pygame.display.get_init()
@@ -234,9 +224,7 @@ def test_a_window_opens_and_closes(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not pygame.display.get_init()
 
 
-def test_a_window_keeps_its_pace(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_a_window_keeps_its_pace(pygame: Any) -> None:
     window = Renderer("human", 64, fps=20)
     window.draw(SCENE)
     begin = pygame.time.get_ticks()
@@ -246,9 +234,7 @@ def test_a_window_keeps_its_pace(monkeypatch: pytest.MonkeyPatch) -> None:
     window.close()
 
 
-def test_survives_another_environments_quit(monkeypatch: pytest.MonkeyPatch, renderer: Renderer) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_survives_another_environments_quit(pygame: Any, renderer: Renderer) -> None:
     window = Renderer("human", SIZE, fps=1000)
     before = picture(renderer)
     window.draw(SCENE)

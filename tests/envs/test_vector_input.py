@@ -26,10 +26,12 @@ def test_each_environment_may_have_its_own_options() -> None:
     state = np.zeros((3, 12))
     state[:, :2] = [(0.3, 1.0), (-0.2, 2.0), (1.0, 0.5)]
     parameters: dict[str, Any] = {"payload_mass": [0.0, 0.2, 0.4], "delay": np.array([0.0, 0.03, 0.1])}
-    options = {
+    options: dict[str, Any] = {
         "start": ["moving", "corner", "mix"],
         "time": [0.0, 3.0, 15.9],
         "path": ["circle", "square", "circle"],
+        "elbow_branch": ["positive", "negative", "either"],
+        "direction": ["counterclockwise", "clockwise", "either"],
         "parameters": parameters | {"stiffness": 1.3},
         "state": state,
     }
@@ -39,12 +41,14 @@ def test_each_environment_may_have_its_own_options() -> None:
     found += [env.step(each) for each in actions]
     for i in range(3):
         single = make(SQUARE, **made)
-        own = {name: options[name][i] for name in ("start", "time", "path", "state")}
+        own = {name: options[name][i] for name in options if name != "parameters"}
         own["parameters"] = {"stiffness": 1.3} | {name: values[i] for name, values in parameters.items()}
         observation, info = single.reset(seed=1 + i, options=own)
         np.testing.assert_array_equal(info["state"], state[i])
         np.testing.assert_array_equal(found[0][0][i], observation)
         assert described.one(i) == single.unwrapped.episode
+        assert described.elbow_branch[i] == options["elbow_branch"][i] or i == 2
+        assert described.direction[i] == options["direction"][i] or i == 2
         for whole, action in zip(found[1:], actions[:, i], strict=True):
             observation, reward, *_ = single.step(action)
             np.testing.assert_array_equal(whole[0][i], observation)

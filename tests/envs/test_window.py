@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -19,83 +23,75 @@ def press(pygame: Any, *keys: int) -> None:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
 
 
-def test_the_space_bar_pauses_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    window = Renderer("human", SIZE, fps=1000)
-    window.draw(SCENE)
-    before = pygame.surfarray.array3d(pygame.display.get_surface())
-    waits: list[int] = []
+def picture(pygame: Any) -> np.ndarray:
+    return np.asarray(pygame.surfarray.array3d(pygame.display.get_surface()))
 
-    def wait(time: int) -> None:
-        """Let it go on at the third look, in place of waiting."""
-        waits.append(time)
-        if len(waits) == 1:
-            assert (pygame.surfarray.array3d(pygame.display.get_surface()) != before).any()  # it says that it is paused
-        if len(waits) == 3:
+
+@contextmanager
+def pausing(pygame: Any, act: Callable[[int], None], size: int = SIZE) -> Iterator[Renderer]:
+    """Make a window, and pause it after its first picture; the n-th look at the keys, in place of a wait, acts."""
+    window, looks = Renderer("human", size, fps=1000), itertools.count(1)
+    window.draw(SCENE)
+    with patch.object(pygame.time, "wait", lambda time: act(next(looks))):
+        press(pygame, pygame.K_SPACE)
+        yield window
+    window.close()
+
+
+def test_the_space_bar_pauses_and_goes_on(pygame: Any) -> None:
+    pictures = []
+
+    def act(look: int) -> None:
+        pictures.append(picture(pygame))
+        if look == 3:
             press(pygame, pygame.K_SPACE)
 
-    monkeypatch.setattr(pygame.time, "wait", wait)
-    press(pygame, pygame.K_SPACE)
-    window.draw(SCENE)
-    assert len(waits) == 3
-    window.draw(SCENE)
-    assert len(waits) == 3
-    np.testing.assert_array_equal(pygame.surfarray.array3d(pygame.display.get_surface()), before)
-    window.close()
+    with pausing(pygame, act) as window:
+        before = picture(pygame)
+        for _ in range(2):
+            window.draw(SCENE)
+            assert len(pictures) == 3
+        assert (pictures[0] != before).any()  # it says that it is paused
+        np.testing.assert_array_equal(picture(pygame), before)
 
 
 @pytest.mark.parametrize("size", [200, 600])
-def test_the_hint_of_a_paused_window_covers_no_gauge(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    window = Renderer("human", size, fps=1000)
-    window.draw(SCENE)
-    before = pygame.surfarray.array3d(pygame.display.get_surface())
-    changed = []
+def test_the_hint_of_a_paused_window_covers_no_gauge(pygame: Any, size: int) -> None:
+    pictures = []
 
-    def wait(time: int) -> None:
-        """Note which pixels the hint takes, and go on."""
-        changed.append((pygame.surfarray.array3d(pygame.display.get_surface()) != before).any(axis=2))
+    def act(look: int) -> None:
+        pictures.append(picture(pygame))
         press(pygame, pygame.K_SPACE)
 
-    monkeypatch.setattr(pygame.time, "wait", wait)
-    press(pygame, pygame.K_SPACE)
-    window.draw(SCENE)
-    window.close()
-    (across, down) = (np.flatnonzero(changed[0].any(axis=axis)) for axis in (1, 0))
+    with pausing(pygame, act, size) as window:
+        before = picture(pygame)
+        window.draw(SCENE)
+    changed = (pictures[0] != before).any(axis=2)  # the pixels that the hint takes
+    (across, down) = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
     assert across.min() > 0.1 * size
     assert across.max() < 0.9 * size  # the whole text is in the window
     assert down.min() > 0.85 * size  # below the path
     assert down.max() < 0.91 * size  # above the gauges
-    assert changed[0][across.min() : across.max(), down.min() : down.max()].mean() > 0.9
+    assert changed[across.min() : across.max(), down.min() : down.max()].mean() > 0.9
 
 
-def test_a_paused_window_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    window = Renderer("human", SIZE, fps=1000)
-    window.draw(SCENE)
-    waits: list[int] = []
+def test_a_paused_window_steps(pygame: Any) -> None:
+    looks: list[int] = []
 
-    def wait(time: int) -> None:
-        waits.append(time)
+    def act(look: int) -> None:
+        looks.append(look)
         press(pygame, pygame.K_RIGHT)
 
-    monkeypatch.setattr(pygame.time, "wait", wait)
-    press(pygame, pygame.K_SPACE)
-    for n in (1, 2, 3):
+    with pausing(pygame, act) as window:
+        for n in (1, 2, 3):
+            window.draw(SCENE)
+            assert len(looks) == n  # it is paused again after each picture
+        press(pygame, pygame.K_ESCAPE)
         window.draw(SCENE)
-        assert len(waits) == n  # it is paused again after each picture
-    press(pygame, pygame.K_ESCAPE)
-    window.draw(SCENE)
-    window.close()
 
 
 @pytest.mark.parametrize("how", ["escape", "q", "button"])
-def test_a_window_that_is_closed_stays_closed(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_a_window_that_is_closed_stays_closed(pygame: Any, how: str) -> None:
     window = Renderer("human", 64, fps=1000)
     window.draw(SCENE)
     if how == "button":

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env import FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.step_jacobians import TANGENTS, run_tangents
@@ -116,19 +116,6 @@ def test_the_drivers_give_them_in_plain_python(options: dict[str, Any]) -> None:
     np.testing.assert_allclose(states[0], np.real(stepped(case.arm, *at, case.h, case.steps)), rtol=1e-12)
     for place, found in enumerate(jacobians):
         assert column_errors(found[0], jacobian(partial(case.moved, at, place), at[place])).max() < 1e-11, place
-
-
-def test_another_arm_is_the_arm_with_other_parameters() -> None:
-    """The quantities mean what the parameters mean."""
-    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
-    p = arm.parameters
-    states, torque = [random_state(p, seed) for seed in (0, 1)], (10.0, -4.0)
-    stiff = tuple(1.3 * rigidity for rigidity in p.flexural_rigidities)
-    other = FlexibleArm(
-        ArmParameters.linear(modes_per_link=1, payload_mass=0.7, flexural_rigidities=stiff, damping_ratio=0.03)
-    )
-    found = arm.step(states, torque, payload_mass=0.7, stiffness=1.3, damping=0.03)
-    np.testing.assert_allclose(found, other.step(states, torque), rtol=1e-10)
 
 
 # --- shapes and input -------------------------------------------------------------------------------------------------
