@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -11,64 +12,53 @@ import pytest
 
 from flexarm_env import run_policy
 from flexarm_env.predictor import predictor
+from tests.support.refusals import label
 
 OBSERVATION, START = np.arange(3.0), np.ones(1, dtype=bool)
 ACTION = np.array([0.1, -0.2])
 
 
-class Full:
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
-    ) -> Any:
-        assert episode_start is START
-        return ACTION if deterministic else -ACTION, (state or 0) + 1
+def full(observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False) -> Any:
+    assert episode_start is START
+    return ACTION if deterministic else -ACTION, (state or 0) + 1
 
 
-class OtherNames:
-    def predict(self, x: Any, memory: Any, first: Any, calm: bool) -> Any:
-        return ACTION if calm else -ACTION, (memory or 0) + 1
-
-
-class ObservationAlone:
-    def predict(self, observation: Any) -> Any:
-        assert observation is OBSERVATION
-        return ACTION
-
-
-class ItsObservationIsCalledState:
-    def predict(self, state: Any) -> Any:
-        assert state is OBSERVATION
-        return ACTION, None
-
-
-class SomeByName:
-    def predict(self, observation: Any, *, deterministic: bool = False, state: Any = None) -> Any:
-        return ACTION if deterministic else -ACTION, (state or 0) + 1
-
-
-class Anything:
-    def predict(self, *arguments: Any, **named: Any) -> Any:
-        assert len(arguments) == 4
-        return ACTION, None
-
-
-def function(observation: Any) -> Any:
+def alone(observation: Any) -> Any:
     assert observation is OBSERVATION
     return ACTION
 
 
-FORMS = [Full(), OtherNames(), ObservationAlone(), ItsObservationIsCalledState(), SomeByName(), Anything(), function]
+def its_observation_is_called_state(state: Any) -> Any:
+    assert state is OBSERVATION
+    return ACTION, None
 
 
-@pytest.mark.parametrize("policy", FORMS, ids=lambda policy: getattr(policy, "__name__", type(policy).__name__))
+def some_by_name(observation: Any, *, deterministic: bool = False, state: Any = None) -> Any:
+    return full(observation, state, START, deterministic)
+
+
+def anything(*arguments: Any, **named: Any) -> Any:
+    assert len(arguments) == 4
+    return ACTION, None
+
+
+def policy_of(predict: Any) -> Any:
+    return SimpleNamespace(predict=predict)
+
+
+WITH_MEMORY = [full, lambda x, memory, first, calm: full(x, memory, first, calm), some_by_name]
+FORMS = [alone, *map(policy_of, (*WITH_MEMORY, alone, its_observation_is_called_state, anything))]
+
+
+@pytest.mark.parametrize("policy", FORMS, ids=label)
 def test_every_form_gives_its_action(policy: Any) -> None:
     action, _ = predictor(policy, deterministic=True)(OBSERVATION, None, START)
     np.testing.assert_array_equal(action, ACTION)
 
 
-@pytest.mark.parametrize("policy", [Full(), OtherNames(), SomeByName()])
-def test_memory_and_determinism_reach_who_takes_them(policy: Any) -> None:
-    predict = predictor(policy, deterministic=False)
+@pytest.mark.parametrize("predict", WITH_MEMORY, ids=label)
+def test_memory_and_determinism_reach_who_takes_them(predict: Any) -> None:
+    predict = predictor(policy_of(predict), deterministic=False)
     action, memory = predict(OBSERVATION, None, START)
     np.testing.assert_array_equal(action, -ACTION)
     assert predict(OBSERVATION, memory, START)[1] == 2
@@ -89,23 +79,18 @@ def test_the_signature_is_inspected_once(monkeypatch: pytest.MonkeyPatch) -> Non
     calls = []
     original = inspect.signature
     monkeypatch.setattr(inspect, "signature", lambda call: calls.append(call) or original(call))
-    predict = predictor(Full(), deterministic=True)
+    predict = predictor(policy_of(full), deterministic=True)
     for _ in range(3):
         predict(OBSERVATION, None, START)
     assert len(calls) == 1
 
 
-class TwoNeeded:
-    def predict(self, observation: Any, goal: Any) -> Any:
-        return ACTION
-
-
 @pytest.mark.parametrize(
     ("policy", "message"),
     [
-        (Full, r"policy = <class '.*Full'>: is a class; make a policy of it first"),
+        (SimpleNamespace, r"policy = <class '.*SimpleNamespace'>: is a class; make a policy of it first"),
         (7, r"policy = 7: must have predict\(observation\) or predict\(observation, state"),
-        (TwoNeeded(), r"the parameters of its predict are \(observation.*, goal.*\)"),
+        (policy_of(lambda observation, goal: ACTION), r"the parameters of its predict are \(observation.*, goal.*\)"),
         (lambda: ACTION, r"or be a function of an observation, its parameters are \(\)"),
     ],
 )
@@ -118,15 +103,8 @@ def test_run_policy_takes_every_form() -> None:
     """No torque, said in three ways, ends in the same way."""
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
 
-    class Still:
-        def predict(self, observation: Any) -> Any:
-            return np.zeros(2)
-
-    class StillAndFull(Full):
-        def predict(self, *arguments: Any, **named: Any) -> Any:
-            return np.zeros(2), None
-
-    runs = [run_policy(env, policy, seed=0) for policy in (Still(), StillAndFull(), lambda observation: (0.0, 0.0))]
+    forms = (policy_of(lambda observation: np.zeros(2)), policy_of(lambda *arguments: (np.zeros(2), None)))
+    runs = [run_policy(env, policy, seed=0) for policy in (*forms, lambda observation: (0.0, 0.0))]
     assert runs[0].notes == {"ended": "error"}
     for run in runs[1:]:
         np.testing.assert_array_equal(run.state, runs[0].state)
