@@ -57,10 +57,14 @@ def is_unfinished(path: Path) -> bool:
     return path.name.startswith(_UNFINISHED)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write text; the file is complete or absent."""
+    put(path, lambda aside: aside.write_text(text))
+
+
 def write_json(path: Path, values: Any, levels: int | None = None) -> None:
     """Write strict JSON; see `json_text`. The file is complete or absent."""
-    text = json_text(values, levels)
-    put(path, lambda aside: aside.write_text(text))
+    write_text(path, json_text(values, levels))
 
 
 def json_text(values: Any, levels: int | None = None) -> str:

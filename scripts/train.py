@@ -22,7 +22,7 @@ from flexarm_agents import Spread, StandardScore
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.commands.train import tuned_for
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.training.config import ALGORITHMS, RunConfig
@@ -133,8 +133,7 @@ def main() -> None:
         found, failed = trained_all(jobs, where, bar.update)
     rows = summary(settings, config, found)
     write_json(options.output / "trainings.json", {"settings": rows})
-    text = summary_table(rows)
-    put(options.output / "trainings.md", lambda aside: aside.write_text(text))
+    write_text(options.output / "trainings.md", text := summary_table(rows))
     print(text, end="")
     check_failures(failed, options.output, "the other trainings are kept")
 

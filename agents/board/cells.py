@@ -21,7 +21,7 @@ from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points, shares
 from flexarm_agents.board.terms import TASKS
 from flexarm_agents.code_version import code_version
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import arm_parameters
@@ -137,8 +137,7 @@ class Store:
         path.parent.mkdir(parents=True, exist_ok=True)
         own_hash = _content_hash(cell.depends, result)
         content = {"format": FORMAT, "depends": cell.depends, "result": result, "hash": own_hash}
-        text = json.dumps(content, allow_nan=False, sort_keys=True) + "\n"
-        put(path, lambda aside: aside.write_text(text))
+        write_text(path, json.dumps(content, allow_nan=False, sort_keys=True) + "\n")
 
 
 def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:

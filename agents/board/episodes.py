@@ -18,6 +18,7 @@ from scipy.linalg import block_diag
 from flexarm_agents.board.columns import Episode, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.terms import TASKS
+from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnvBase
@@ -30,7 +31,6 @@ from flexarm_env.predictor import Predictor, predictor
 
 Array = NDArray[np.float64]
 LANES = 16  # most episodes of a batch: two of the smallest blocks, so that fewer kernels are compiled
-COMPLETE = "truncated"
 NO_ACTION = "action"  # the end of an episode in which the policy's action is not finite
 RAISED = "policy"  # the end of an episode in which the policy itself gives up with an error
 _MODAL = ("modal_coordinates", "modal_rates")
@@ -175,11 +175,7 @@ def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
 
 
 def _run(
-    env: Any,
-    view: FlexArmEnvBase,
-    nominal: FlexArmEnvBase,
-    episodes: Sequence[Episode],
-    calls: Sequence[_Call],
+    env: Any, view: FlexArmEnvBase, nominal: FlexArmEnvBase, episodes: Sequence[Episode], calls: Sequence[_Call]
 ) -> list[dict[str, Any]]:
     """Run one episode in each environment of a batch.
 

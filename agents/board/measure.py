@@ -18,7 +18,7 @@ from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.summary import entry_summary, references
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.files import put, write_json
+from flexarm_agents.files import write_json, write_text
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
 from flexarm_baselines import IFDC
@@ -115,7 +115,7 @@ def write(results: Mapping[str, Any], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / DATA, rounded(results), levels=5)
     for name, text in tables(results).items():
-        put(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+        write_text(folder / f"{name}.md", text)
 
 
 def rounded(value: Any) -> Any:

@@ -112,6 +112,13 @@ def spans(values: Sequence[float], some: Sequence[float]) -> str:
     return ", ".join(f"{run[0]:g}" if len(run) == 1 else f"{run[0]:g} to {run[-1]:g}" for run in runs)
 
 
+def within(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) -> list[float]:
+    """Return the values of an axis that lie within all ends; see `breaking`."""
+    low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
+    high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)
+    return [value for value in values if low < value < high]
+
+
 def _mean(lap: Mapping[str, Any] | None) -> float | None:
     """Return the mean error over the complete laps [m]; None where there is none."""
     return None if lap is None or lap["rms"] is None else float(lap["rms"]["mean"])

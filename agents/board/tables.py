@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.summary import LIMIT, counted, gap, loss, nominal_errors, spans
+from flexarm_agents.board.summary import LIMIT, counted, gap, loss, nominal_errors, spans, within
 from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]
@@ -143,9 +143,7 @@ def _holds(name: str, entry: Mapping[str, Any], board: Board) -> str:
 
 def _inside(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) -> str:
     """Write the values of an axis that lie within all ends."""
-    low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
-    high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)
-    found = [value for value in values if low < value < high]
+    found = within(values, ends)
     return "all" if len(found) == len(values) else spans(values, found)
 
 

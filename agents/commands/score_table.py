@@ -15,10 +15,7 @@ Errors: median [best .. worst] of the laps, where a lost lap counts as infinite;
 laps. Pairs: shoulder / elbow, or link 1 / link 2."""
 GROUP_LEGEND = "Trainings of one setting, by their seeds; each counts with the median of its laps:"
 _HEADER = (
-    (
-        *("", "lap", "r.m.s.", "after 2 s", "maximum"),
-        *("torque change", "peak deflection", "peak torque", "end"),
-    ),
+    (*("", "lap", "r.m.s.", "after 2 s", "maximum"), *("torque change", "peak deflection", "peak torque", "end")),
     ("", "", "[m]", "r.m.s. [m]", "[m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
 )
 _SPREAD_HEADER = (
@@ -75,9 +72,9 @@ def _figures(score: Score) -> tuple[str, ...]:
     """Write the row of one lap, with a dash for what a run that ended early does not have."""
     return (
         *("-" if (value := getattr(score, figure)) is None else f"{value:.3f}" for figure in FIGURES),
-        _pair(score.torque_change, 1),
-        _pair(score.peak_deflection, 2),
-        _pair(score.peak_torque, 0),
+        pair(score.torque_change, 1),
+        pair(score.peak_deflection, 2),
+        pair(score.peak_torque, 0),
         "complete" if score.complete else f"ENDED at {score.duration:.2f} s: {score.ended}",
     )
 
@@ -91,8 +88,8 @@ def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
             f"{_metres(each.median)} [{_metres(each.best)} .. {_metres(each.worst)}]"
             for each in _errors_of(laps).values()
         ),
-        _pair(_largest([lap.peak_deflection for lap in laps]), 2),
-        _pair(_largest([lap.peak_torque for lap in laps]), 0),
+        pair(_largest([lap.peak_deflection for lap in laps]), 2),
+        pair(_largest([lap.peak_torque for lap in laps]), 0),
         f"{early.total()} of {len(laps)} ENDED: {reasons}" if early else f"{len(laps)} complete",
     )
 
@@ -106,7 +103,7 @@ def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return max(first), max(second)
 
 
-def _pair(values: tuple[float, float] | None, digits: int) -> str:
+def pair(values: tuple[float, float] | None, digits: int) -> str:
     """Write two numbers, of shoulder and elbow or of the links."""
     return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 

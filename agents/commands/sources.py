@@ -85,13 +85,10 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
 
 def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
     """Return what POLICY names as an entry of the board; a model needs `--stable-baselines3`."""
-    name = Path(source).stem if Path(source).exists() else source
-    if not _is_model(source):
-        return Entry(source, name, given.environment or ENVIRONMENT, options)
-    if given.stable_baselines3 is None:
+    model = (given.stable_baselines3, given.vec_normalize) if _is_model(source) else ()
+    if None in model:
         raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
-    environment = given.environment or ENVIRONMENT
-    return Entry(source, name, environment, options, given.stable_baselines3, given.vec_normalize)
+    return Entry(source, "", given.environment or ENVIRONMENT, options, *model)
 
 
 @contextmanager

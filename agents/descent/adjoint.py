@@ -120,12 +120,7 @@ class Adjoint:
 
 
 def output_gradients(
-    observations: Observations,
-    window: Window,
-    costs: Costs,
-    network: Floats,
-    at_end: Floats,
-    discounts: Floats,
+    observations: Observations, window: Window, costs: Costs, network: Floats, at_end: Floats, discounts: Floats
 ) -> Floats:
     """Differentiate the discounted costs of a window, and what comes after it, by the network's outputs.
 

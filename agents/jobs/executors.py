@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import choice, integer, shown
 
-Job = TypeVar("Job")
-Result = TypeVar("Result")
+Outcomes = Iterator[tuple[int, Any]]  # of jobs, by their indices; of one that failed, the exception
 EXECUTORS = ("processes", "ray", "slurm", "submitit-local")
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -27,9 +26,7 @@ THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THR
 class Executor(Protocol):
     """Runs jobs."""
 
-    def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
-    ) -> Iterator[tuple[int, Result | BaseException]]:
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False) -> Outcomes:
         """Run a function on each job.
 
         Args:
@@ -68,9 +65,7 @@ class Processes:
     def __init__(self, count: int) -> None:
         self.count = count
 
-    def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
-    ) -> Iterator[tuple[int, Result | BaseException]]:
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False) -> Outcomes:
         """See `Executor.run`."""
         os.environ.update(THREADS)  # of workers, which start with this process's environment
         with worker_pool(min(self.count, len(jobs)), stoppable) as pool:
@@ -87,9 +82,7 @@ class Ray:
             import ray
         self.ray, self.count = ray, count
 
-    def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
-    ) -> Iterator[tuple[int, Result | BaseException]]:
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False) -> Outcomes:
         """See `Executor.run`."""
         ray = self.ray
         if started := not ray.is_initialized():
@@ -131,9 +124,7 @@ class Submitit:
         self.submitit, self.count, self.folder, self.cluster = submitit, count, folder, cluster
         self.parameters = {"name": "flexarm", "cpus_per_task": 1, "timeout_min": 24 * 60, **parameters}
 
-    def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
-    ) -> Iterator[tuple[int, Result | BaseException]]:
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False) -> Outcomes:
         """See `Executor.run`; the results of a task come together, when it is done."""
         chosen = self.submitit.AutoExecutor(folder=self.folder, cluster=self.cluster)
         chosen.update_parameters(**self.parameters)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_env.validation import short
 
 LOG = "failures.log"
@@ -42,7 +42,7 @@ def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
         return
     found = "\n".join(f"{one.job}:\n{''.join(traceback.format_exception(one.error))}" for one in failed)
     folder.mkdir(parents=True, exist_ok=True)
-    put(log, lambda aside: aside.write_text(found))
+    write_text(log, found)
     lines = dict.fromkeys(f"{one}\n" for one in failed)  # jobs of the same name may fail for the same reason
     sys.stderr.write("".join(lines))
     raise OSError(f"{len(failed)} failed, see above; {rest}; tracebacks: {log}") from failed[0].error

@@ -63,10 +63,7 @@ class Trained:
 
 
 def check_fits(
-    name: str,
-    observation: tuple[int, ...] | None,
-    action: tuple[int, ...] | None,
-    env: gymnasium.Env[Any, Any],
+    name: str, observation: tuple[int, ...] | None, action: tuple[int, ...] | None, env: gymnasium.Env[Any, Any]
 ) -> None:
     """Check that a policy was trained with observations and actions of an environment's sizes; close it if not.
 

@@ -38,11 +38,7 @@ class Rollout(NamedTuple):
 
 
 def run_rollout(
-    env: FlexArmVectorEnv,
-    teacher: Teacher,
-    student: NetworkPolicy | None,
-    config: DAggerConfig,
-    number: int,
+    env: FlexArmVectorEnv, teacher: Teacher, student: NetworkPolicy | None, config: DAggerConfig, number: int
 ) -> Rollout:
     """Run a lap on every arm; the result depends on nothing but the arguments.
 

@@ -50,10 +50,8 @@ class Student:
     def fit(self, rollouts: Sequence[Rollout]) -> None:
         """Take the optimiser's steps of one round, on samples of all rollouts alike."""
         config = self._config
-        observations = torch.from_numpy(np.concatenate([rollout.observations for rollout in rollouts]))
-        ages = torch.from_numpy(np.concatenate([rollout.ages for rollout in rollouts]))
-        answers = torch.from_numpy(np.concatenate([rollout.answers for rollout in rollouts]))
-        weights = torch.from_numpy(np.concatenate([rollout.weights for rollout in rollouts]))
+        *samples, _ = zip(*rollouts, strict=True)
+        observations, ages, answers, weights = (torch.from_numpy(np.concatenate(part)) for part in samples)
         total = 0.0
         for _ in range(config.updates):
             chosen = torch.randint(len(observations), (config.batch,))

@@ -142,11 +142,7 @@ class Bank(NamedTuple):
 
 
 def bank(
-    arm: ArmParameters,
-    payloads: Sequence[float],
-    stiffnesses: Sequence[float],
-    folder: Path,
-    wishes: Mapping[str, Any],
+    arm: ArmParameters, payloads: Sequence[float], stiffnesses: Sequence[float], folder: Path, wishes: Mapping[str, Any]
 ) -> Bank:
     """Make the plans that the folder does not hold yet, each from its neighbour's torques, and return all.
 

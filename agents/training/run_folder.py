@@ -119,9 +119,6 @@ def _flat(row: dict[str, Any]) -> dict[str, Any]:
     return flat
 
 
-_CONFIG, _STATE = "config.json", "state.pickle"
-
-
 def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> None:
     """Write a file atomically."""
 

@@ -18,6 +18,7 @@ from typing import Any
 import llvmlite.binding
 from tqdm import tqdm
 
+from flexarm_agents.commands.text import columns
 from flexarm_env.parameters import MAX_MODES
 from flexarm_env.validation import choice
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
@@ -123,13 +124,9 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
     return {"machine": facts, "quick": options.quick, "not_installed": missing, "groups": groups}
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(rows: Sequence[Sequence[str]]) -> str:
     """Columns of text; all but the last to the right."""
-    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 1)]
-    return "\n".join(
-        "  " + "  ".join([*(cell.rjust(w) for cell, w in zip(row, widths, strict=False)), row[-1]])
-        for row in [header, *rows]
-    )
+    return columns([("", *row) for row in rows], right=True)
 
 
 def report(results: dict[str, Any]) -> str:
@@ -145,13 +142,13 @@ def report(results: dict[str, Any]) -> str:
     groups = results["groups"].values()
     lines += ["", "RATIOS: subjects timed by turns, compared repeat by repeat; these carry over to other machines best"]
     rows = [_figures(ratio, ratio["says"]) for group in groups for ratio in group["ratios"]]
-    lines += [table(("median", "least", "most", "what is compared"), rows)]
+    lines += [table([("median", "least", "most", "what is compared"), *rows])]
     lines += ["", "TIMES on this machine: processor time where `wall`, the clock's median, stands beside it"]
     for group in groups:
         rows = [_time(values, name, group["clock"]) for name, values in group["times"].items()]
         rows += [(_number(value), "", "", "", "", f"{name} (not measured)") for name, value in group["given"].items()]
         header = ("median", "least", "most", "wall", "a second", "")
-        lines += ["", f"{group['title']}: {group['unit']}", table(header, rows)]
+        lines += ["", f"{group['title']}: {group['unit']}", table([header, *rows])]
         lines += [f"  {name}: {value:.3g}" for name, value in group["facts"].items()]
     return "\n".join(lines)
 

@@ -63,10 +63,7 @@ class _Job:
         env.reset(seed=0)
         for _ in range(round(self.seconds / CONTROL_PERIOD)):
             info = env.step(np.ones(1, dtype=np.float32))[4]
-        tips = {
-            "FlexArm/Paper-v0": info["true_tip"],
-            "solve_ivp": self.arm.tip(self.scipy()[: self.arm.size]),
-        }
+        tips = {"FlexArm/Paper-v0": info["true_tip"], "solve_ivp": self.arm.tip(self.scipy()[: self.arm.size])}
         exact = self.arm.tip(self.scipy(tolerance=1e-10)[: self.arm.size])
         found = {f"final tip's error, {name} [m]": float(np.linalg.norm(tip - exact)) for name, tip in tips.items()}
         if not all(error < AGREEMENT for error in found.values()):

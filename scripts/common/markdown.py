@@ -8,40 +8,31 @@ author writes it, with an expression in braces for each figure, as in an f-strin
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from flexarm_agents.board.tables import table as table
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-_BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 _QUOTING = re.compile(r"(<!-- quoting:\n(.*?)-->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def filled(page: str, results: Path, names: Collection[str] | None = None) -> str:
-    """Replace generated blocks of a page's text by the tables of their names.
+def filled(page: str, tables: Mapping[str, str]) -> str:
+    """Replace generated blocks of a page's text by the tables of their names; the other blocks stay."""
+    return _BLOCK.sub(lambda block: f"{block[1]}{tables.get(block[2], block[3])}{block[4]}", page)
 
-    Args:
-        page: the page's text.
-        results: folder that has the tables.
-        names: of the blocks, where several studies share the page; None: all.
 
-    Raises:
-        FileNotFoundError: if the results lack a table.
-    """
-
-    def written(block: re.Match[str]) -> str:
-        chosen = names is None or block[2] in names
-        return block[1] + (results / f"{block[2]}.md").read_text() + block[3] if chosen else block[0]
-
-    return _BLOCK.sub(written, page)
+def kept_tables(folder: Path) -> dict[str, str]:
+    """Return the tables that a study left in a folder, by their names."""
+    return {path.stem: path.read_text() for path in folder.glob("*.md")}
 
 
 def blocks(page: str) -> dict[str, str]:
     """Return the generated blocks of a page's text, by their names."""
-    return {block[2]: block[0].removeprefix(block[1]).removesuffix(block[3]) for block in _BLOCK.finditer(page)}
+    return {block[2]: block[3] for block in _BLOCK.finditer(page)}
 
 
 def shown_blocks() -> dict[str, str]:
@@ -49,21 +40,19 @@ def shown_blocks() -> dict[str, str]:
     return {name: text for path in DOCS.rglob("*.md") for name, text in blocks(path.read_text()).items()}
 
 
-def fill_pages(results: Path, names: Collection[str]) -> list[Path]:
+def fill_pages(tables: Mapping[str, str]) -> list[Path]:
     """Replace generated blocks wherever they stand in docs/, and return the pages.
 
     Raises:
         ValueError: if a block stands on no page.
     """
     pages = {path: path.read_text() for path in sorted(DOCS.rglob("*.md"))}
-    shown = {path: set(names) & blocks(text).keys() for path, text in pages.items()}
-    missing = set(names).difference(*shown.values())
+    found = [path for path, text in pages.items() if tables.keys() & blocks(text).keys()]
+    missing = tables.keys() - {name for path in found for name in blocks(pages[path])}
     if missing:
         raise ValueError(f"docs: no page has the generated block {', '.join(sorted(missing))}")
-    found = [path for path, own in shown.items() if own]
     for path in found:
-        text = filled(pages[path], results, names)
-        put(path, lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+        write_text(path, filled(pages[path], tables))
     return found
 
 

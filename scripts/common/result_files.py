@@ -13,15 +13,14 @@ from typing import Any
 import filelock
 import numpy as np
 
-from flexarm_agents.files import json_text, put
+from flexarm_agents.files import json_text, write_text
 
 PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be replaced
 
 
 def write_json(path: Path, data: Any, levels: int | None = None) -> None:
     """Write strict JSON, in which null stands for what is not finite; see `json_text`."""
-    text = json_text(plain(data), levels)
-    put(path, lambda aside: aside.write_text(text))
+    write_text(path, json_text(plain(data), levels))
 
 
 def plain(value: Any) -> Any:

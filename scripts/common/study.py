@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from flexarm_agents.code_version import code_version
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options
-from scripts.common.markdown import DOCS, fill_pages
+from scripts.common.markdown import DOCS, fill_pages, kept_tables
 from scripts.common.plotting import save, write
 from scripts.common.result_files import plain, write_json
 
@@ -49,7 +49,7 @@ class Study:
         """Write the tables and pictures into a folder, and print the tables."""
         for name, tabulate in self.tables.items():
             text = tabulate(results)
-            put(folder / f"{name}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
+            write_text(folder / f"{name}.md", text)
             print(f"\n{self.text}:\n\n{text}")
         for name, draw in self.pictures.items():
             figure, path = draw(results), folder / "figures" / f"{name}.png"
@@ -140,7 +140,8 @@ def command(name: str, studies: Mapping[str, Study], text: str) -> None:
 
 def update_docs(studies: Any, output: Path) -> None:
     """Fill the blocks of docs/ with the tables that studies have in a folder, and copy their pictures."""
-    for page in fill_pages(output, [table for study in studies for table in study.tables]):
+    tables = kept_tables(output)
+    for page in fill_pages({name: tables[name] for study in studies for name in study.tables}):
         print(f"{page}: tables up to date")
     for picture in (picture for study in studies for picture in study.pictures):
         file = DOCS / "figures" / f"{picture}.png"

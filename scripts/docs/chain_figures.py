@@ -64,14 +64,8 @@ def measured() -> dict[str, Any]:
             on_chain, tip = lap(CHAIN, controller, which)
             found["scores"].append({"arm": "the chain", "controller": controller, "lap": which, **on_chain})
             scores, other = lap("Square-v0", controller, which)
-            row = {
-                "arm": "the default arm",
-                "controller": controller,
-                "lap": which,
-                "away": _away(other, tip),
-                **scores,
-            }
-            found["scores"].append(row)
+            own = {"arm": "the default arm", "controller": controller, "lap": which, "away": _away(other, tip)}
+            found["scores"].append(own | scores)
             print(which, controller, flush=True)
     return found
 
@@ -116,15 +110,8 @@ def score_table(found: dict[str, Any]) -> str:
         )
         for row in found["scores"]
     ]
-    header = (
-        "controller",
-        "lap",
-        "on",
-        "lap r.m.s. [mm]",
-        "after 2 s [mm]",
-        "tip from the chain's [mm]: r.m.s. / largest",
-    )
-    return table(header, rows)
+    away = "tip from the chain's [mm]: r.m.s. / largest"
+    return table(("controller", "lap", "on", "lap r.m.s. [mm]", "after 2 s [mm]", away), rows)
 
 
 def _score(row: dict[str, Any]) -> str:

@@ -6,7 +6,6 @@ import argparse
 import re
 from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 
 from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
@@ -73,11 +72,9 @@ def options(reader: Reader) -> Iterator[tuple[str, str]]:
             yield ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in flags or [""]), meaning
 
 
-def main(folder: Path = Path("results/docs")) -> None:
-    """Command line; the tables go into a folder, too."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "command_line.md").write_text(text(), encoding="utf-8")
-    print(*fill_pages(folder, ["command_line"]))
+def main() -> None:
+    """Command line."""
+    print(*fill_pages({"command_line": text()}))
 
 
 if __name__ == "__main__":

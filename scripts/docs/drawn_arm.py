@@ -90,7 +90,7 @@ def bare(axis: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
     axis.set_axis_off()
 
 
-def draw_path(axis: Axes, half: float = 6.3) -> None:
+def draw_path(axis: Axes) -> None:
     """Draw the square that the tip should follow."""
-    corners = half * np.array([(-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1)])
+    corners = 6.3 * np.array([(-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1)])
     axis.plot(*corners.T, color=PATH, linewidth=2.0, zorder=0)

@@ -59,58 +59,34 @@ def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -
 STIFF = joint_law((480.0, 160.0), (28.0, 8.5))
 SOFT = joint_law((60.0, 20.0), (2.0, 0.5))
 
+CORNER = "A corner under a stiff spring and damper in each joint"
+
+
+def moving(caption: str, time: float, steps: int, policy: Any = STIFF, **parameters: float) -> Picture:
+    """Declare a picture of an arm that moves along the lap at the start; parameters are those of the episode."""
+    reset: dict[str, Any] = {"start": "moving", "time": time}
+    return Picture(caption, policy, reset | ({"parameters": parameters} if parameters else {}), steps)
+
+
+def late(when: str, **parameters: float) -> Picture:
+    """Declare a picture of what the late sensor shows."""
+    return moving(f"After a corner: the sensor at the tip shows where the tip was {when} ago.", 2.0, 230, **parameters)
+
+
 PICTURES = {
-    "Square-v0": Picture(
-        "A corner under a stiff spring and damper in each joint: the links bend, and the tip swings past.",
-        STIFF,
-        {"start": "moving", "time": 2.0},
-        260,
-    ),
-    "SquareResidual-v0": Picture(
-        "Action 0: the inner law alone swings wide at every corner.",
-        constant(0.0),
-        {"start": "moving", "time": 1.0},
-        900,
-    ),
+    "Square-v0": moving(f"{CORNER}: the links bend, and the tip swings past.", 2.0, 260),
+    "SquareResidual-v0": moving("Action 0: the inner law alone swings wide at every corner.", 1.0, 900, constant(0.0)),
     "SquareGain-v0": Picture(
         "Gain 1 from rest at the lower left: the tip overshoots each corner.", constant(1.0), {"start": "corner"}, 1250
     ),
-    "SquareChain-v0": Picture(
-        "A corner under a stiff spring and damper in each joint; every link is a chain of 20 rigid segments.",
-        STIFF,
-        {"start": "moving", "time": 2.0},
-        260,
+    "SquareChain-v0": moving(f"{CORNER}; every link is a chain of 20 rigid segments.", 2.0, 260),
+    "SquareEncoders-v0": moving(f"{CORNER}, which use the encoders only.", 6.0, 240),
+    "SquareUnknown-v0": moving(
+        "A corner with 0.9 kg of payload, under a soft spring in each joint.", 2.0, 260, SOFT, payload_mass=0.9
     ),
-    "SquareEncoders-v0": Picture(
-        "A corner under a stiff spring and damper in each joint, which use the encoders only.",
-        STIFF,
-        {"start": "moving", "time": 6.0},
-        240,
-    ),
-    "SquareUnknown-v0": Picture(
-        "A corner with 0.9 kg of payload, under a soft spring in each joint.",
-        SOFT,
-        {"start": "moving", "time": 2.0, "parameters": {"payload_mass": 0.9}},
-        260,
-    ),
-    "SquareDelayEasy-v0": Picture(
-        "After a corner: the sensor at the tip shows where the tip was 31 ms ago.",
-        STIFF,
-        {"start": "moving", "time": 2.0},
-        230,
-    ),
-    "SquareDelayMedium-v0": Picture(
-        "After a corner: the sensor at the tip shows where the tip was 60 ms ago.",
-        STIFF,
-        {"start": "moving", "time": 2.0, "parameters": {"delay": 0.06}},
-        230,
-    ),
-    "SquareDelayHard-v0": Picture(
-        "After a corner: the sensor at the tip shows where the tip was 120 to 140 ms ago.",
-        STIFF,
-        {"start": "moving", "time": 2.0, "parameters": {"delay": 0.12}},
-        230,
-    ),
+    "SquareDelayEasy-v0": late("31 ms"),
+    "SquareDelayMedium-v0": late("60 ms", delay=0.06),
+    "SquareDelayHard-v0": late("120 to 140 ms", delay=0.12),
     "Reach-v0": Picture(
         "Halfway through the first move, under a stiff spring and damper in each joint: the tip lags behind.",
         STIFF,
@@ -118,14 +94,9 @@ PICTURES = {
         220,
         8,
     ),
-    "Track-v0": Picture(
-        "Half a lap under a stiff spring and damper in each joint.", STIFF, {"start": "moving", "time": 0.0}, 900
-    ),
+    "Track-v0": moving("Half a lap under a stiff spring and damper in each joint.", 0.0, 900),
     "Paper-v0": Picture(
-        "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.",
-        constant(1.0),
-        {},
-        4250,
+        "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
     ),
 }
 

@@ -30,6 +30,26 @@ whose tip should follow a path, and are one class. The ids differ in its options
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
 specification of an id."""
+_SNIPPET = f"""\
+```python
+import gymnasium
+
+env = gymnasium.make("flexarm_env:{NAMESPACE}/Square-v0")
+observation, info = env.reset(seed=0)
+for _ in range(100):
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    if terminated or truncated:
+        observation, info = env.reset()
+```"""
+_BATCH_SNIPPET = f"""\
+```python
+import gymnasium
+
+envs = gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)
+observations, infos = envs.reset(seed=0)
+for _ in range(100):
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+```"""
 _MAKE = """\
 The part before the colon imports the package, so that this works in spawned processes, too. Options are arguments of
 `make` and `make_vec`: `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`. The version in an id goes up when
@@ -93,21 +113,22 @@ def index() -> str:
     """Write the page of what all environments have in common."""
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
-        "Make one": [_snippet(), _MAKE],
+        "Make one": [_SNIPPET, _MAKE],
         "Actions": [f"{texts.ACTION}\n[Action modes](options.md#action-modes) has the quantities and formulas."],
         "Observations": [f"{texts.OBSERVATION}\n[Blocks](options.md#blocks-of-observations) lists them."],
         "Reward and score": [texts.REWARD, doc.reward_table(), texts.SCORE],
         "How an episode starts": [_START, doc.start_table()],
         "How it ends": [texts.ENDING, doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
-        "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector)],
+        "Make a batch": [_BATCH, _BATCH_SNIPPET, doc.parameter_table(vector)],
         "Seeds": [texts.SEEDS],
         "Frames and units": [texts.FRAMES],
         "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
         "Mirror images": [texts.MIRROR],
     }
-    return _assembled("Environments", [_INTRODUCTION, _ids()], sections)
+    ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]
+    return _assembled("Environments", [_INTRODUCTION, doc.table(("id", "task"), ids)], sections)
 
 
 def options_page() -> str:
@@ -156,43 +177,9 @@ def page(name: str, one: Id) -> str:
         head, [("`arm`", "rigid segments", '`"default"`', "simulated by MuJoCo, with the default parameters")]
     )
     different = chain if name == chain_figures.CHAIN else doc.difference_table(one) or same
-    sections = {
-        "What is different from Square-v0": [different],
-        "What to beat": [_paragraphs(to_beat(name))],
-    }
+    sections = {"What is different from Square-v0": [different], "What to beat": [_paragraphs(to_beat(name))]}
     top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
-
-
-def _snippet() -> str:
-    return f"""\
-```python
-import gymnasium
-
-env = gymnasium.make("flexarm_env:{NAMESPACE}/Square-v0")
-observation, info = env.reset(seed=0)
-for _ in range(100):
-    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    if terminated or truncated:
-        observation, info = env.reset()
-```"""
-
-
-def _batch() -> str:
-    return f"""\
-```python
-import gymnasium
-
-envs = gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)
-observations, infos = envs.reset(seed=0)
-for _ in range(100):
-    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
-```"""
-
-
-def _ids() -> str:
-    rows = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]
-    return doc.table(("id", "task"), rows)
 
 
 def _facts(name: str, one: Id) -> str:

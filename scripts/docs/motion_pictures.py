@@ -39,14 +39,7 @@ def late_sensor(path: Path) -> None:
     axis.text(time[-1] + 2.0, tip[-1], "true tip", color=LETTERS, va="center")
     axis.text(time[-1] + 2.0, sensed[-1], "late reading", color=PURPLE, va="center")
     _span(axis, (then, read), (now, read), f"{now - then:.0f} ms old", (then - 3.0, read + 0.02), "right")
-    _span(
-        axis,
-        (now, true),
-        (now, read),
-        f"{1e3 * (true - read):.0f} mm behind",
-        (now + 1.0, read - 0.03),
-        "left",
-    )
+    _span(axis, (now, true), (now, read), f"{1e3 * (true - read):.0f} mm behind", (now + 1.0, read - 0.03), "left")
     axis.set_xlim(1e3 * SHOWN[0], 1e3 * SHOWN[1] + 20.0)
     axis.set_xlabel("time since the start of the swing lap [ms]")
     axis.set_ylabel("y of the tip [m]")

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from scripts.common.command_line import read_options, run
-from scripts.common.markdown import DOCS, filled, quoting
+from scripts.common.markdown import DOCS, blocks, filled, kept_tables, quoting
 from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
 
@@ -36,8 +36,15 @@ class Options:
 
 
 def written(page: str, results: Path) -> str:
-    """Write the generated tables and the quoted figures of a page's text anew."""
-    return quoting(filled(page, results), of_reproduction(results))
+    """Write the generated tables and the quoted figures of a page's text anew.
+
+    Raises:
+        ValueError: if the results lack a table.
+    """
+    tables = kept_tables(results)
+    if lacking := blocks(page).keys() - tables.keys():
+        raise ValueError(f"results = {results}: lack the tables {', '.join(sorted(lacking))}")
+    return quoting(filled(page, tables), of_reproduction(results))
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.evaluation.candidates import Candidate
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
@@ -172,8 +172,7 @@ def write(names: Sequence[str], folder: Path) -> None:
     for name in tqdm(names, unit="entry"):
         candidate, laps = record(known[choice("entries", name, tuple(known))])
         for lap, one in laps.items():
-            text = _script("replay", name, lap, replay(one))
-            put(folder / file_name(name, lap), lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+            write_text(folder / file_name(name, lap), _script("replay", name, lap, replay(one)))
         files = {lap: file_name(name, lap) for lap in laps}
         reads, privileged = list(candidate.reads), candidate.privileged
         index["rows"].append(
@@ -181,7 +180,7 @@ def write(names: Sequence[str], folder: Path) -> None:
         )
         index.setdefault("links", shapes(FlexibleArm(next(iter(laps.values())).parameters)))
         index.setdefault("references", _references(laps))
-    put(folder / INDEX, lambda aside: aside.write_text(_script("replays", index)))
+    write_text(folder / INDEX, _script("replays", index))
 
 
 def main() -> None:

@@ -15,18 +15,8 @@ from pathlib import Path
 
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
+from scripts.docs import widgets
 from scripts.docs.contents import CHAPTERS, KINDS, MODULES, chapter_page, contents, listing, toctree
-from scripts.docs.widgets import (
-    BOARD,
-    BOARD_DATA,
-    FOLDED,
-    STATIC,
-    board_script,
-    board_table,
-    replay_names,
-    with_folds,
-    with_widgets,
-)
 
 ROOT = DOCS.parent
 OUTPUT = ROOT / "build" / "site"
@@ -34,9 +24,7 @@ PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
-MOVING = re.compile(
-    r"^!\[.*\.webp\)$", re.MULTILINE
-)  # the README's first picture that moves: the viewer takes its place
+MOVING = re.compile(r"^!\[.*\.webp\)$", re.MULTILINE)  # the README's first such picture: the viewer takes its place
 BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
 
 
@@ -45,18 +33,18 @@ def lay_out(pages: Path) -> None:
     shutil.rmtree(pages, ignore_errors=True)
     shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("__pycache__"))
     board = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
-    (pages / STATIC / BOARD).write_text(board_script(board, replay_names()), encoding="utf-8")
-    for name, text in zip(BOARD_DATA, (board_table(board), json.dumps(board)), strict=True):
-        (pages / STATIC / name).write_text(text, encoding="utf-8")
+    shown = widgets.board_script(board, widgets.replay_names()), widgets.board_table(board), json.dumps(board)
+    for name, text in zip((widgets.BOARD, *widgets.BOARD_DATA), shown, strict=True):
+        (pages / widgets.STATIC / name).write_text(text, encoding="utf-8")
     for name in TOP:
         shutil.copy(ROOT / name, pages / (FIRST if name == "README.md" else name))
     for page in pages.rglob("*.md"):
         text = with_links(page, pages)
         if page == pages / FIRST:
             text = MOVING.sub(r"<!-- site: lap -->\n\g<0>\n<!-- site end -->", text, count=1)
-        text = with_widgets(text, page.relative_to(pages))
-        if page.relative_to(pages).as_posix() == FOLDED:
-            text = with_folds(text)
+        text = widgets.with_widgets(text, page.relative_to(pages))
+        if page.relative_to(pages).as_posix() == widgets.FOLDED:
+            text = widgets.with_folds(text)
         page.write_text(BARE.sub("[]", text), encoding="utf-8")
     write_reference(pages / "api")
     write_contents(pages)

@@ -12,7 +12,6 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from scripts.common.command_line import read_options, run
@@ -76,10 +75,7 @@ def renewed(record: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
         name: new | {what: record["groups"][name][what] | new[what] for what in ("quoted", "tables")}
         for name, new in found["groups"].items()
     }
-    return {
-        "groups": groups,
-        "checks": sorted(checks.values(), key=lambda check: [*GROUPS].index(check["group"])),
-    }
+    return {"groups": groups, "checks": sorted(checks.values(), key=lambda check: [*GROUPS].index(check["group"]))}
 
 
 def tables_of(record: dict[str, Any]) -> dict[str, str]:
@@ -116,15 +112,10 @@ def main() -> None:
         found = renewed(json.loads((options.docs / RECORD).read_text()), found)
     if failed := [check["name"] for check in found["checks"] if not check["passed"]]:
         sys.exit(f"error: report = {options.report}: checks failed: {'; '.join(failed)}")
-    with TemporaryDirectory() as folder:
-        for name, text in tables_of(found).items():
-            (Path(folder) / f"{name}.md").write_text(text)
-        for name in (*PAGES, TABLES):
-            page = options.docs / name
-            page.write_text(filled(page.read_text(), Path(folder)))
-    for name in (*PAGES, *QUOTING_PAGES):
+    tables, figures = tables_of(found), of_validation(found)
+    for name in (*PAGES, TABLES, *QUOTING_PAGES):
         page = options.docs / name
-        page.write_text(quoting(page.read_text(), of_validation(found)))
+        page.write_text(quoting(filled(page.read_text(), tables), figures))
     write_json(options.docs / RECORD, found)
     pictures = sorted((options.report.parent / "figures").glob("*.png"))
     for picture in pictures:

@@ -116,14 +116,8 @@ def _lines(board: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
             values = column["values"] if len(points) > 1 else ("all",)  # plants that are drawn count together
             for value, point in zip(values, points, strict=True):
                 for lap, found in zip(point or (), _point(point) or (), strict=False):
-                    place = row["name"], axis, value, column["unit"], lap
-                    yield (
-                        *place,
-                        found["episodes"],
-                        found["lost"],
-                        found["first_loss"],
-                        *(found[one] for one in _FIGURES),
-                    )
+                    figures = (found[one] for one in ("episodes", "lost", "first_loss", *_FIGURES))
+                    yield row["name"], axis, value, column["unit"], lap, *figures
 
 
 def replay_names() -> list[str]:

@@ -16,10 +16,10 @@ from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands import leaderboard
 from flexarm_agents.commands.arguments import Reader
-from flexarm_agents.files import put
+from flexarm_agents.files import write_text
 from flexarm_agents.jobs.failures import check_failures
 from scripts.common.command_line import run
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import DOCS, filled, kept_tables
 from scripts.common.result_files import write_json
 from scripts.leaderboard.pictures import draw
 from scripts.leaderboard.times import times, times_table
@@ -40,15 +40,15 @@ def update_docs(folder: Path) -> None:
     """
     target = DOCS / "figures" / "leaderboard"
     target.mkdir(parents=True, exist_ok=True)
+    tables = kept_tables(folder)
     for name, text in PICTURES.items():
-        (folder / f"picture_{Path(name).stem}.md").write_text(f"![{text}](figures/leaderboard/{name})\n")
+        tables[f"picture_{Path(name).stem}"] = f"![{text}](figures/leaderboard/{name})\n"
+        if (folder / "figures" / name).exists():
+            shutil.copyfile(folder / "figures" / name, target / name)
     for page in (DOCS / PAGE, DOCS.parent / "README.md"):
-        page.write_text(filled(page.read_text(), folder, {path.stem for path in folder.glob("*.md")}))
+        page.write_text(filled(page.read_text(), tables))
         print(f"{page}: up to date")
     shutil.copyfile(folder / DATA, DOCS / DATA)
-    for picture in (folder / "figures").glob("*.*"):
-        if picture.name in PICTURES:
-            shutil.copyfile(picture, target / picture.name)
 
 
 def present(folder: Path) -> None:
@@ -100,7 +100,7 @@ def main() -> None:
         with tqdm(total=len(entries), unit="entry", desc="timing") as bar:
             found = times(entries, bar.update)
         write_json(given.output / TIMES, found)
-        put(given.output / "times.md", lambda aside: aside.write_text(times_table(found)))
+        write_text(given.output / "times.md", times_table(found))
     draw(results, given.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries")

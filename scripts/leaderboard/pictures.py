@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.colors import LogNorm
 
-from flexarm_agents.board.summary import LIMIT, counted, loss
+from flexarm_agents.board.summary import LIMIT, counted, loss, within
 from flexarm_agents.board.tables import ranked
 from scripts.common.plotting import BLUE, COLOURS, ORANGE, SOFT, WIDTH, headline, save
 
@@ -82,8 +82,8 @@ def delays(board: Board, folder: Path) -> None:
             axis.text(1.0, i, f"lost at {column['nominal']:.0f} ms", va="center", color=SOFT)
         else:
             for worse, colour in ((("lost",), COLOURS[5]), (("lost", "doubled"), BLUE)):
-                low, high = _holds(breaking, worse, column["values"])
-                axis.barh(i, high - low, left=low, color=colour, height=0.66)
+                inside = within(column["values"], [one[what] for one in breaking.values() for what in worse])
+                axis.barh(i, inside[-1] - inside[0], left=inside[0], color=colour, height=0.66)
         if row["delay_margin"] is not None and 1e3 * row["delay_margin"]["least"] > 1.0:
             at = [1e3 * row["delay_margin"][end] for end in ("least", "most")]
             axis.plot(at, [i, i], color=ORANGE, linewidth=4.0)
@@ -105,12 +105,3 @@ def delays(board: Board, folder: Path) -> None:
     axis.set_ylim(-0.6, len(rows) - 0.4)
     headline(figure, "Dark: the error is below twice that at the default delay; light: no lap is lost")
     save(figure, folder, "delays")
-
-
-def _holds(breaking: Mapping[str, Any], worse: Sequence[str], values: Sequence[float]) -> tuple[float, float]:
-    """Return the first and last value about the nominal delay at which laps are not "lost", or "doubled" in error."""
-    ends = [one[what] for one in breaking.values() for what in worse]
-    low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
-    high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)
-    inside = [value for value in values if low < value < high]
-    return inside[0], inside[-1]

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.board.cells import Store
+from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.policies.load import POLICIES
@@ -82,8 +83,8 @@ def write_tables(output: Path) -> None:
         "unknown_plant": board.unknown(cards),
     }
     for name, text in texts.items():
-        (output / f"{name}.md").write_text(text)
-    for page in fill_pages(output, texts):
+        write_text(output / f"{name}.md", text)
+    for page in fill_pages(texts):
         print(f"{page}: tables up to date")
 
 

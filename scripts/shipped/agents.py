@@ -64,9 +64,7 @@ AGENTS: dict[str, Shipped] = {
         drawn=False,
     ),
     "scheduler": Shipped(
-        "gain scheduler, PPO (`scheduler`)",
-        PPOConfig(environment="FlexArm/SquareGain-v0", steps=500_000),
-        drawn=False,
+        "gain scheduler, PPO (`scheduler`)", PPOConfig(environment="FlexArm/SquareGain-v0", steps=500_000), drawn=False
     ),
     "scheduler_paper": Shipped(
         "gain scheduler on the paper's plant, PPO (`scheduler_paper`)",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexarm_agents import Spread
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
@@ -32,20 +33,6 @@ CONTROLLERS = {
     "nmpc": "`nmpc`",
     "nmpc_adaptive": "`nmpc_adaptive`",
 }
-
-
-class Nominal(NamedTuple):
-    """A nominal lap; None where it is lost, or not known.
-
-    Attributes:
-        rms: r.m.s. error [m].
-        rms_after_2s: the same from 2 s on [m].
-        torque_change: of shoulder and elbow from one control period to the next, r.m.s. after 2 s [N m].
-    """
-
-    rms: float | None
-    rms_after_2s: float | None
-    torque_change: Sequence[float] | None
 
 
 def measured(source: Path, cells: Store) -> dict[str, Any]:
@@ -106,13 +93,19 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
 def nominal(cards: Mapping[str, Card]) -> str:
     """Tabulate the nominal laps beside the best plans known."""
     _, plans = published()
-    lines = [("best plans known", "-", *(cell for lap in LAPS for cell in _plan_cells(plans[lap])), "-")]
+    best = [(millimetres(plans[lap]["rms"], 1), "1", millimetres(plans[lap]["rms_after_2s"], 1)) for lap in LAPS]
+    lines = [("best plans known", "-", *chain.from_iterable(best), "-")]
     for text, several in compared(cards):
-        laps = [_laps(one["square"]) for one in several]
-        cells = [cell for lap in LAPS for cell in _nominal_cells([one[lap] for one in laps], plans[lap])]
-        pairs = [lap.torque_change for one in laps for lap in one.values()]
+        laps = {lap: [one["square"][lap] for one in several] for lap in LAPS}
+        cells: list[str] = []
+        for lap, found in laps.items():
+            errors, later = ([_of(one, figure, "mean") for one in found] for figure in ("rms", "rms_after_2s"))
+            median = Spread.of(errors).median
+            times = "-" if median is None else f"{median / plans[lap]['rms']:.2f}"
+            cells += [_errors(errors, 1), times, _errors(later, 1)]
+        pairs = [one.get("torque_change") for found in laps.values() for one in found]
         change = "-" if None in pairs else f"{max(max(pair) for pair in pairs if pair is not None):.1f}"
-        lines.append((text, str(len(laps)), *cells, change))
+        lines.append((text, str(len(several)), *cells, change))
     heads = [f"{lap}: {what}" for lap in LAPS for what in ("lap [mm]", "times the plan", "after 2 s [mm]")]
     return table(("", "seeds", *heads, "torque change, most [N m]"), lines)
 
@@ -127,31 +120,13 @@ def unknown(cards: Mapping[str, Card]) -> str:
         cells = [_errors([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
         both = _errors([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
         worst = _errors([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
-        chain = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
-        lines.append((text, str(len(several)), spread_text(lost, 0), whole, both, *cells, worst, *chain))
+        times = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
+        lines.append((text, str(len(several)), spread_text(lost, 0), whole, both, *cells, worst, *times))
     episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
     errors = [f"error, a lost lap as {LIMIT:g} m [mm]", "mean of the completed laps [mm]"]
     errors += [*(f"{lap}: mean of the completed [mm]" for lap in LAPS), "worst completed [mm]"]
     chain_heads = [f"chain, times the nominal {lap} lap" for lap in LAPS]
     return table(("", "seeds", f"lost of {episodes}", *errors, *chain_heads), lines)
-
-
-def _plan_cells(plan: Mapping[str, float]) -> tuple[str, ...]:
-    return millimetres(plan["rms"], 1), "1", millimetres(plan["rms_after_2s"], 1)
-
-
-def _nominal_cells(laps: list[Nominal], plan: Mapping[str, float]) -> tuple[str, ...]:
-    errors = [lap.rms for lap in laps]
-    median = Spread.of(errors).median
-    times = "-" if median is None else f"{median / plan['rms']:.2f}"
-    return _errors(errors, 1), times, _errors([lap.rms_after_2s for lap in laps], 1)
-
-
-def _laps(summary: Mapping[str, Any]) -> dict[str, Nominal]:
-    return {
-        lap: Nominal(_of(one, "rms", "mean"), _of(one, "rms_after_2s", "mean"), one.get("torque_change"))
-        for lap, one in summary.items()
-    }
 
 
 def _of(lap: Mapping[str, Any], figure: str, what: str) -> float | None:

@@ -34,10 +34,10 @@ def curve(training: Training) -> dict[str, Any]:
     return {"seed": training.config.seed, **found, **laps}
 
 
-def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER, name: str = "curves") -> None:
+def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) -> None:
     """Bring data and picture up to date."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.json"
+    path = folder / "curves.json"
     known = json.loads(path.read_text()) if path.is_file() else {}
     known |= {name: [curve(one) for one in trainings] for name, trainings in found.items()}
     write_json(path, known, levels=3)

@@ -7,6 +7,7 @@ from typing import Any
 
 from flexarm_agents import Score, StandardScore, Trained, evaluate, load_policy
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.commands.score_table import pair
 from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
@@ -106,12 +107,8 @@ def errors(score: Score) -> tuple[str, ...]:
 
 def _details(score: Score) -> tuple[str, ...]:
     return (
-        _pair(score.torque_change, 1),
+        pair(score.torque_change, 1),
         str(score.elbow_changes),
-        _pair(score.peak_deflection, 2),
-        _pair(score.peak_torque, 0),
+        pair(score.peak_deflection, 2),
+        pair(score.peak_torque, 0),
     )
-
-
-def _pair(values: tuple[float, float] | None, digits: int) -> str:
-    return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)

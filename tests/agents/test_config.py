@@ -39,9 +39,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**DAGGER, "lags": 3}, r"lags = 3: must be a list or a tuple"),
         ({**DAGGER, "rouns": 3}, r"keyword argument 'rouns'; did you mean 'rounds'"),
     ],
-    FileNotFoundError: [
-        ({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped"),
-    ],
+    FileNotFoundError: [({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped")],
     ValueError: [
         ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0'"),
         ({"environment": 3}, r"environment = 3: must be one of"),

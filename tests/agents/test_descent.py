@@ -200,8 +200,7 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("errors", "best"),
-    [([0.3, 0.1, 0.2], 1), ([0.1, 0.1, 0.2], 0), ([None, 0.4, 0.3], 2), ([0.4, None, None], 0)],
+    ("errors", "best"), [([0.3, 0.1, 0.2], 1), ([0.1, 0.1, 0.2], 0), ([None, 0.4, 0.3], 2), ([0.4, None, None], 0)]
 )
 def test_the_best_candidate_goes_on(errors: list[float | None], best: int, tmp_path: Path) -> None:
     """By the evaluation after its trial; it goes on where it was, in its own episodes."""

@@ -37,12 +37,7 @@ def run() -> Trajectory:
 
 @pytest.mark.parametrize(
     ("fps", "speed", "instants"),
-    [
-        (10, 1.0, [0, 10, 20, 30, 40, 50]),
-        (10, 2.5, [0, 25, 50]),
-        (4, 0.5, [0, 13, 25, 38, 50]),
-        (1, 100.0, [0]),
-    ],
+    [(10, 1.0, [0, 10, 20, 30, 40, 50]), (10, 2.5, [0, 25, 50]), (4, 0.5, [0, 13, 25, 38, 50]), (1, 100.0, [0])],
 )
 def test_pictures_are_evenly_in_time(run: Trajectory, fps: int, speed: float, instants: list[int]) -> None:
     film = Film(run, fps, speed, PIXELS)

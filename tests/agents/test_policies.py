@@ -207,8 +207,7 @@ def policy(encoder: PastReadings = LINEAR) -> NetworkPolicy:
 
 
 @given(
-    lags=st.sets(st.integers(1, 9), min_size=1, max_size=4),
-    starts=st.lists(st.booleans(), min_size=12, max_size=12),
+    lags=st.sets(st.integers(1, 9), min_size=1, max_size=4), starts=st.lists(st.booleans(), min_size=12, max_size=12)
 )
 def test_the_network_sees_what_was_observed_at_each_lag(lags: set[int], starts: list[bool]) -> None:
     """Before an episode's first observation it was always that one."""

@@ -8,14 +8,7 @@ from pathlib import Path
 import pytest
 
 import flexarm_agents.policies.load
-from flexarm_agents import (
-    StandardScore,
-    config_of,
-    evaluate,
-    load_policy,
-    shipped_policies,
-    train,
-)
+from flexarm_agents import StandardScore, config_of, evaluate, load_policy, shipped_policies, train
 from flexarm_agents.evaluation.scoring import rank
 
 # What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].

@@ -21,11 +21,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
 # Errors of 0.4 m end an episode soon under random torque: every kind of end comes within some hundred steps.
-OPTIONS: dict[str, Any] = {
-    "error_limit": 0.4,
-    "randomisation": {"payload_mass": (0.0, 0.5)},
-    "noise": 1e-3,
-}
+OPTIONS: dict[str, Any] = {"error_limit": 0.4, "randomisation": {"payload_mass": (0.0, 0.5)}, "noise": 1e-3}
 
 
 def pair(environment: str = ID) -> tuple[FlexArmVecEnv, DummyVecEnv]:

@@ -94,11 +94,7 @@ SINGLE = (
         "four control periods a step; the maximum of two observations means nothing here",
         lambda env: one.MaxAndSkipObservation(env, 4),
     ),
-    Row(
-        "RepeatAction",
-        "four control periods a step, whose rewards are added",
-        lambda env: one.RepeatAction(env, 4),
-    ),
+    Row("RepeatAction", "four control periods a step, whose rewards are added", lambda env: one.RepeatAction(env, 4)),
     Row("DiscretizeAction", "25 actions, the middle one is no torque", lambda env: one.DiscretizeAction(env, 5)),
     Row(
         "TransformObservation",
@@ -106,11 +102,7 @@ SINGLE = (
         lambda env: one.TransformObservation(env, lambda x: 0.5 * x, env.observation_space),
     ),
     ONE["DtypeObservation"],
-    Row(
-        "ReshapeObservation",
-        "the same numbers in another shape",
-        lambda env: one.ReshapeObservation(env, (21, 2)),
-    ),
+    Row("ReshapeObservation", "the same numbers in another shape", lambda env: one.ReshapeObservation(env, (21, 2))),
     ONE["RescaleObservation"],
     Row(
         "DiscretizeObservation",
@@ -120,9 +112,7 @@ SINGLE = (
     Row("NormalizeObservation", "finite; observations are scaled already"),
     Row("FrameStackObservation", "the newest is last", lambda env: one.FrameStackObservation(env, 3)),
     Row(
-        "FlattenObservation",
-        "of stacked frames",
-        lambda env: one.FlattenObservation(one.FrameStackObservation(env, 3)),
+        "FlattenObservation", "of stacked frames", lambda env: one.FlattenObservation(one.FrameStackObservation(env, 3))
     ),
     Row(
         "DelayObservation",
@@ -167,11 +157,7 @@ BATCH = (
         ),
     ),
     Row("FlattenObservation", "changes nothing"),
-    Row(
-        "ReshapeObservation",
-        "the same numbers in another shape",
-        lambda envs: many.ReshapeObservation(envs, (21, 2)),
-    ),
+    Row("ReshapeObservation", "the same numbers in another shape", lambda envs: many.ReshapeObservation(envs, (21, 2))),
     ALL["DtypeObservation"],
     ALL["RescaleObservation"],
     Row("NormalizeObservation", "finite; with `NextStep` only"),

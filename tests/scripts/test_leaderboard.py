@@ -30,9 +30,7 @@ from tests.support.boards import SHORT, SMALL, files, leaves
 from tests.support.refusals import refuses
 
 PAYLOADS = (0.0, 0.2, 0.4)
-TINY = {
-    "payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0),
-}
+TINY = {"payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0)}
 ROWS = [Entry("square", "agent"), Entry("square", "again", options={"last_actions": 1})]
 
 

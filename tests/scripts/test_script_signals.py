@@ -21,10 +21,7 @@ from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
 from tests.support.programs import ROOT
 from tests.support.signals import heeded
 
-pytestmark = [
-    pytest.mark.skipif(os.name != "posix", reason="POSIX signals"),
-    pytest.mark.usefixtures("signals"),
-]
+pytestmark = [pytest.mark.skipif(os.name != "posix", reason="POSIX signals"), pytest.mark.usefixtures("signals")]
 
 # A script as ours are. Its jobs sleep, or wait like a training until they are to stop; each worker leaves a file named
 # after its process.
