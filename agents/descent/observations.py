@@ -18,6 +18,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.features import Measurements, features, in_frame, joint_errors
 from flexarm_env.kernels.delay_line import hermite
+from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.validation import shown
 
 Floats = NDArray[np.float64]
@@ -64,7 +65,7 @@ class Task(NamedTuple):
         sensor_reference: where the tip should have been at the time of the reading [m]. Shape (..., 2).
         sensor_velocity: how that changes between two readings [m/s]. Shape (..., 2).
         previews: how far the reference will have moved [m]. Shape (..., 2 per horizon).
-        phase: cosine and sine of the lap's phase. Shape (..., 2).
+        clock: cosine and sine of the lap's phase, the episode's time [s], and its parameters. Shape (..., 3 + k).
     """
 
     reference: Floats
@@ -73,7 +74,7 @@ class Task(NamedTuple):
     sensor_reference: Floats
     sensor_velocity: Floats
     previews: Floats
-    phase: Floats
+    clock: Floats
 
 
 class Instant(NamedTuple):
@@ -172,7 +173,9 @@ class Observations:
             world("sensor_error") + seen.readings,
             world("sensor_error_rate") + (seen.readings - seen.earlier) / self.settings.control_period,
             world("previews", 2 * len(self.settings.previews)),
-            observed("lap_phase"),
+            np.concatenate(
+                [observed("lap_phase"), observed("time", 1), observed("episode_parameters", len(DRAWN))], axis=-1
+            ),
         )
 
     def values(self, seen: Seen, task: Task) -> Floats:
@@ -189,7 +192,7 @@ class Observations:
     def _numbers(self, point: Sequence[Any], seen: Seen, task: Task) -> list[Any]:
         """Write the numbers of an observation as plain functions of eight numbers; see `slopes`."""
         encoders, reading, earlier = point[:4], point[4:6], point[6:]
-        reference, aim, present_aim, sensor_reference, sensor_velocity, previews, phase = (
+        reference, aim, present_aim, sensor_reference, sensor_velocity, previews, clock = (
             list(np.moveaxis(part, -1, 0)) for part in task
         )
         period = self.settings.control_period
@@ -210,7 +213,9 @@ class Observations:
         ahead = [x for pair in pairs for x in in_frame(found.frame_axis, pair)]
         past = np.moveaxis(seen.actions.reshape(*seen.actions.shape[:-2], -1), -1, 0)
         rows = {f"F_{name.upper()}": values for name, values in found._asdict().items()} | {
-            "F_PHASE": phase,
+            "F_PHASE": clock[:2],
+            "TIME": clock[2:3],
+            "EPISODE": clock[3:],
             "F_PRESENT_JOINT_ERROR": present_error,
             "F_PRESENT_JOINT_ERROR_RATE": present_rate,
             "ENCODERS": encoders,

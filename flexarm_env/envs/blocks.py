@@ -1,6 +1,6 @@
 """The blocks of which observations consist: each declared once, with what it tells of the arm.
 
-A block holds only what sensors and the task's clock can measure; the one exception, `state`, is declared privileged.
+A block holds only what sensors and the task's clock can measure; `state` and `episode_parameters` are privileged.
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from flexarm_env.envs.bounds import (
     modal_range,
     position_bounds,
 )
+from flexarm_env.envs.quantities import orderable
 from flexarm_env.envs.sensors import ANGLE, FURTHER, LINK_2, SCALAR, SENSORS, VECTOR, Part, Sensor, mounting
 from flexarm_env.envs.settings import Settings
+from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.physics.sensing import POSITION
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 
 # What a policy may learn of the arm and its task beyond the clock, the reference of this instant and its own actions.
 ENCODERS, STRAIN_GAUGES, PREVIEW = "encoders", "strain gauges", "preview"
-PLANT, TRUE_STATE = "plant parameters", "true state"
+PLANT, TRUE_STATE, EPISODE = "plant parameters", "true state", "episode parameters"
 READINGS = {
     ENCODERS: "angles and rates of the joints",
     **{sensor.reads: f"the {sensor.title}, late" for sensor in SENSORS},
@@ -35,8 +37,18 @@ READINGS = {
     PREVIEW: "where the target will be",
     PLANT: "the nominal arm's masses, stiffness and modes; in no block, but a controller may be designed on them",
     TRUE_STATE: "the arm's whole state, which no sensor delivers",
+    EPISODE: "delay, payload and what else the episode has drawn",
 }
-PRIVILEGED = (TRUE_STATE,)  # readings of which no real arm has a sensor
+MOST_SECONDS = 1e9  # of an episode
+PRIVILEGED = (TRUE_STATE, EPISODE)  # readings of which no real arm has a sensor
+PARAMETER_SCALES = {  # of usual draws; those of a batch are the same for all its environments
+    "delay": 0.05,
+    "payload_mass": 1.0,
+    "stiffness": 1.0,
+    "damping": 0.02,
+    "noise": 0.02,
+    "actuation_delay": 0.02,
+}
 
 
 @dataclass(frozen=True)
@@ -274,6 +286,15 @@ BLOCKS: dict[str, Block] = {
         SCALAR,
         reads=None,
     ),
+    "time": Block(
+        "since the episode began; where scaled, in laps",
+        "s",
+        _rows("TIME", 0, 1),
+        lambda s, r: even_range(1, s.lap_time, MOST_SECONDS),
+        SCALAR,
+        reads=None,
+        count="1",
+    ),
     "inner_gain": Block(
         'lambda of the period that ended (0 unless `action_mode` is "gain")',
         "1",
@@ -292,5 +313,14 @@ BLOCKS: dict[str, Block] = {
         ANGLE,
         reads=TRUE_STATE,
         count="4 + 4 m",
+    ),
+    "episode_parameters": Block(
+        "quantities of the episode, drawn or not: " + ", ".join(DRAWN) + "; privileged",
+        "s, kg, 1, 1, m, s",
+        _rows("EPISODE", 0, len(DRAWN)),
+        lambda s, r: Range([PARAMETER_SCALES[name] for name in DRAWN], [orderable(s, name)[1] for name in DRAWN]),
+        SCALAR,
+        reads=EPISODE,
+        count=str(len(DRAWN)),
     ),
 }

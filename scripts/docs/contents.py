@@ -22,6 +22,7 @@ MODULES = (
     "flexarm_env.reference_episode",
     "flexarm_env.rollout",
     "flexarm_env.way_points",
+    "flexarm_env.wrappers",
     "flexarm_env.envs.single",
     "flexarm_env.envs.vector",
     "flexarm_baselines",

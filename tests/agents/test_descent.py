@@ -25,7 +25,8 @@ from tests.support.trainings import DESCENDED, row
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
 ELSEWHERE = ("torque", "inner_gain", *OF_FURTHER_SENSORS)  # with other options
-OBSERVATION = [name for name in BLOCKS if name not in ELSEWHERE]
+OPEN_LOOP = ("time", "episode_parameters")  # on which an action has no influence
+OBSERVATION = [name for name in BLOCKS if name not in (*ELSEWHERE, *OPEN_LOOP)]
 OPTIONS: dict[str, Any] = {"observation": OBSERVATION, "last_actions": 3}
 
 
@@ -123,7 +124,14 @@ def test_readings_are_those_of_the_environment(delay: float | None) -> None:
 @pytest.mark.parametrize("frame", ["link", "world"])
 def test_observations_are_those_of_the_environment(frame: str) -> None:
     """What the task decides is recovered from one arm's observations and completes those of another arm."""
-    options = {**OPTIONS, "frame": frame, "start": "corner", "elbow_branch": "negative", "max_episode_steps": 100}
+    options = {
+        **OPTIONS,
+        "observation": [*OBSERVATION, *OPEN_LOOP],
+        "frame": frame,
+        "start": "corner",
+        "elbow_branch": "negative",
+        "max_episode_steps": 100,
+    }
     env = make_batch(ID, 2, options)
     window = Driver(env, 0).window(lambda seen: np.array([[0.4, -0.2], [-0.3, 0.5]]), 14)
     model, seen = Observations(env), seen_in(window, 3)

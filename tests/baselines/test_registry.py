@@ -66,7 +66,7 @@ def test_the_true_state_has_one_door(name: str) -> None:
     settings = Settings.of(controller(name).options)
     assert (TRUE_STATE in readings_of(settings)) == (name in ("plan_lqr", "nmpc_state"))
     assert set(CONTROLLERS[name].kind.knows) <= set(READINGS) - set(PRIVILEGED)
-    assert {block for block, one in BLOCKS.items() if one.reads in PRIVILEGED} == {"state"}
+    assert {block for block, one in BLOCKS.items() if one.reads in PRIVILEGED} == {"state", "episode_parameters"}
 
 
 def test_what_blocks_and_laws_read() -> None:

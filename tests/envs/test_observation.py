@@ -100,8 +100,10 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
         "previews": np.hstack(ahead),
         "last_actions": np.hstack([past[2 - n : len(past) - n] for n in range(3)])[: STEPS + 1],
         "lap_phase": np.stack([f(2.0 * np.pi * run.times / 16.0) for f in (np.cos, np.sin)], axis=1),
+        "time": run.times[:, None] - run.times[0],
         "inner_gain": np.pad(0.5 * (run.actions[:, :1] + 1.0) * (env_id in (GAIN, PAPER)), ((1, 0), (0, 0))),
         "state": run.states,
+        "episode_parameters": np.tile([*env.episode.parameters.values()], (len(run.times), 1)),
     }
     for name, values in expected.items():
         atol = 1e-6 * max(1.0, np.abs(values).max())  # float32, and now's 1 ns at 3 m/s

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch
 from gymnasium.wrappers import vector
 
 from tests.recipes import wrappers
@@ -28,15 +29,18 @@ def stepped(env: Any) -> list[Any]:
     found: list[Any] = [(env.reset(seed=3)[0], 0.0)]
     env.action_space.seed(0)
     for _ in range(LIMIT + 2):
-        observation, reward, *_ = env.step(env.action_space.sample())
+        action = env.action_space.sample()
+        observation, reward, *_ = env.step(
+            torch.from_numpy(action) if isinstance(found[0][0], torch.Tensor) else action
+        )
         found.append((observation, reward))
     return found
 
 
 def check(env: Any) -> None:
     for observation, reward in stepped(env):
-        assert observation in env.observation_space
-        assert np.isfinite(reward).all()
+        assert np.asarray(observation) in env.observation_space
+        assert np.isfinite(np.asarray(reward)).all()
     env.close()
 
 
@@ -58,6 +62,11 @@ def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.Monke
 def test_running_means_of_observations_need_next_step(mode: str) -> None:
     with pytest.raises((ValueError, AssertionError)):  # Gymnasium 1.2 asserts, without a message
         vector.NormalizeObservation(make_batch(autoreset_mode=mode))
+
+
+def test_tensors_have_no_last_observations() -> None:
+    with pytest.raises(BufferError, match="DLPack"):
+        stepped(vector.NumpyToTorch(make_batch(autoreset_mode="SameStep", **SHORT)))
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * ("async" in n)) for n in VECTORS])

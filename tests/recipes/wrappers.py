@@ -66,6 +66,7 @@ def alike(of: Any) -> dict[str, Row]:
         Row("NormalizeReward", "finite"),
         Row("TransformReward", "rewards are changed", lambda env: of.TransformReward(env, lambda r: r - 1.0)),
         Row("ClipReward", "rewards are limited", lambda env: of.ClipReward(env, 0.0, 0.3)),
+        Row("NumpyToTorch", "tensors; needs `array-api-compat`"),
     )
     return {row.name: row for row in rows}
 
@@ -123,6 +124,7 @@ SINGLE = (
     ONE["NormalizeReward"],
     ONE["TransformReward"],
     ONE["ClipReward"],
+    ONE["NumpyToTorch"],
     Row("AddRenderObservation", "pictures as observations", options=PICTURES),
     Row("RenderCollection", "a picture for each step", options=PICTURES),
     Row(
@@ -169,6 +171,9 @@ BATCH = (
         lambda envs: many.VectorizeTransformReward(envs, one.TransformReward, func=lambda r: r - 1.0),
     ),
     ALL["ClipReward"],
+    ALL["NumpyToTorch"]._replace(
+        result="tensors; with `SameStep` it fails at an episode's end, around Gymnasium's own vectors, too"
+    ),
     Row("DictInfoToList", "an info for each environment"),
     Row(
         "RecordVideo",
@@ -212,7 +217,8 @@ HEAD = """# Gymnasium's wrappers and vectors
 Which of Gymnasium's wrappers work with FlexArm? All below; `tests/recipes/test_wrappers.py` steps the wrapped
 environment. Wrappers for pictures and for dict observations do not
 apply, because observations are vectors; nor does `HumanRendering`, because `render_mode="human"` has its own window.
-`NumpyToTorch` and its variants need `array-api-compat` and were not tried.
+For batches Gymnasium has no frame stack, history or delay: `flexarm_env.wrappers.PastObservations` is all three
+([batches](../how_to/batch.md#the-past)). The time of the episode is the block `time`.
 
 """
 
