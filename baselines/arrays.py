@@ -25,3 +25,13 @@ def is_sound(numbers: Floats, leading: int = 1) -> Bools:
 def chosen_rows(chosen: Bools, one: Floats, other: Floats) -> Floats:
     """Return rows of an array where they are chosen, and those of another elsewhere."""
     return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
+
+
+def product(matrices: Floats, vectors: Floats) -> Floats:
+    """Multiply vectors along the last axis by matrices. Shape (..., rows)."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+def prolonged(table: Floats, more: int) -> Floats:
+    """Repeat the last entry of a table of instants."""
+    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController, within_half_a_turn
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, product
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.optimal.linear_quadratic import GOOD, RegulatorWeights
 from flexarm_baselines.optimal.plan import Plan
@@ -50,4 +50,4 @@ class PlanFollower(PlanController):
         (chosen,) = memory
         at = chosen, self.period_of(seen)
         off = within_half_a_turn(seen["state"] - self._states[at])
-        return self._torques[at] + (self._gains[at] @ off[..., None])[..., 0], memory
+        return self._torques[at] + product(self._gains[at], off), memory

@@ -141,6 +141,17 @@ def pair(
     return first, second
 
 
+def instance(name: str, value: object, allowed: type[Any]) -> None:
+    """Refuse a value of another class.
+
+    Raises:
+        TypeError: naming the parameter, the value and the class.
+    """
+    if not isinstance(value, allowed):
+        article = "an" if allowed.__name__[0] in "AEIOU" else "a"
+        raise TypeError(f"{name} = {shown(value)}: must be {article} {allowed.__name__}")
+
+
 def choice(name: str, value: object, allowed: Iterable[str]) -> str:
     """Check that a string option is one of the allowed names.
 

@@ -71,7 +71,8 @@ def flexible_motion(arm: FlexibleArm, joints: Floats, step: float) -> FlexibleMo
     q = np.zeros((len(joints), arm.size))
     q[:, :2] = joints
     target = arm.tip(q)
-    stiffness, sections = _modal_stiffness(arm), _low_pass(arm, step)
+    stiffness = _modal_stiffness(arm)
+    sections = butter(ORDER, CUTOFF * first_free_vibration(arm), fs=2.0 * np.pi / step, output="sos")
     for _ in range(ITERATIONS):
         _, forces = _forces(arm, q, step)
         bent = q[:, 2:] - np.linalg.solve(stiffness, forces[:, 2:].T).T
@@ -91,15 +92,9 @@ def first_free_vibration(arm: FlexibleArm) -> float:
 
 
 def _forces(arm: FlexibleArm, q: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return rates, and the generalised forces that a motion needs beside those of the links themselves.
+    """Return rates, and the generalised forces that a motion needs beside those of the links. Shape (n, 2 + 2 m) each.
 
-    Args:
-        arm: the arm.
-        q: coordinates at each instant. Shape (n, 2 + 2 m).
-        step: [s].
-
-    Returns:
-        Shape (n, 2 + 2 m) each; the forces on the joints are the motors' torques [N m].
+    The forces on the joints are the motors' torques [N m].
     """
     rates = np.gradient(q, step, axis=0)
     accelerations = np.gradient(rates, step, axis=0)
@@ -122,8 +117,3 @@ def _modal_stiffness(arm: FlexibleArm) -> Floats:
     rest = np.zeros(2 * arm.size)
     slopes = arm.linearise(rest).A[arm.size :, : arm.size]
     return -(arm.mass_matrix(rest[: arm.size]) @ slopes)[2:, 2:]
-
-
-def _low_pass(arm: FlexibleArm, step: float) -> Floats:
-    """Return the filter's second-order sections."""
-    return np.asarray(butter(ORDER, CUTOFF * first_free_vibration(arm), fs=2.0 * np.pi / step, output="sos"))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, product
 from flexarm_env.parameters import ArmParameters
 
 
@@ -53,10 +53,10 @@ def joint_motion(
     transposed = jacobian.swapaxes(-1, -2)
     damping = DAMPING**2 * length_1 * length_2 * np.eye(2)
     inverse = transposed @ np.linalg.inv(jacobian @ transposed + damping)
-    rates = (inverse @ velocity[..., None])[..., 0]
+    rates = product(inverse, velocity)
     both = rates.sum(axis=-1, keepdims=True)
     centripetal = -(whole - outer) * rates[..., :1] ** 2 - outer * both**2
-    accelerations = (inverse @ (acceleration - centripetal)[..., None])[..., 0]
+    accelerations = product(inverse, acceleration - centripetal)
     return JointMotion(np.stack([theta1, theta2], axis=-1), rates, accelerations)
 
 

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, product
 from flexarm_baselines.controller import Memory, Seen, TorqueController
 from flexarm_baselines.joint_space.flexible_motion import (
     FlexibleMotion,
@@ -162,7 +162,7 @@ class JointTracking(TorqueController):
         motion = np.where(elapsed < self.task.periods, first, later)
         filtered = self._keep * filtered + (1.0 - self._keep) * self._deviations(seen, motion)
         targets, rows = self._all_targets, (motion.astype(np.int64), seen.period)
-        torque = targets.torques[rows] - (targets.gains[rows] @ filtered[..., None])[..., 0]
+        torque = targets.torques[rows] - product(targets.gains[rows], filtered)
         return torque, (first, later, elapsed + 1.0, filtered)
 
     @property

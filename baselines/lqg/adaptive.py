@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController
-from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.arrays import Array, Floats, product
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.controller import LQG
 from flexarm_baselines.lqg.nodes import grid, named
-from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined, product
+from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
@@ -194,14 +194,7 @@ class AdaptiveLQG(LQG):
         return torque, (*beliefs.by_arm(count), chosen, torque, doubt, believed)
 
     def _corrected(self, plans: Array, periods: Array, beliefs: Beliefs, readings: Floats) -> tuple[Beliefs, Floats]:
-        """Return the estimates after the readings, and the normalised squares of the innovations. Shape (n h,).
-
-        Args:
-            plans: of each. Shape (n h,).
-            periods: of the lap. Shape (n h,).
-            beliefs: before them, flat.
-            readings: Shape (n h, r).
-        """
+        """Return flat estimates after the readings, and the normalised squares of the innovations. Shape (n h,)."""
         estimate, late, variance, slope = beliefs
         at, tables = (self._nearest_node(plans, estimate), periods), self.filter
         residual, seen_slope = tables.residual(estimate, readings), slope[:, tables.rows]
@@ -217,12 +210,7 @@ class AdaptiveLQG(LQG):
     ) -> tuple[Floats, Floats]:
         """Return the error of the motors' estimated delay [s], and the variance of the estimate after it [s^2].
 
-        Args:
-            at: tables and periods.
-            residual: of the readings. Shape (n, r).
-            slope: its derivative by lateness as a share of the period. Shape (n, r).
-            late: the estimated delay [s]. Shape (n,).
-            variance: of it [s^2]. Shape (n,).
+        `slope` is the derivative of the readings' residual by lateness as a share of the period. Shape (n, r).
         """
         period = self.task.period
         weighed = product(self.filter.information[at], slope) / period

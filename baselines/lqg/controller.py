@@ -13,9 +13,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, product
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables, product
+from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables
 from flexarm_baselines.observers import GAUGES, SENSORS, KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
@@ -29,20 +29,6 @@ NOISE = NoiseModel(
 )
 DELAYS = ("known", "ignored")
 TIP = slice(4, 6)  # of the readings
-
-
-def late_share(task: Task) -> float:
-    """Return the share of a control period after which torques act.
-
-    Raises:
-        ValueError: if they act later than that.
-    """
-    share = task.actuation_delay / task.period
-    if share > 1.0:
-        raise ValueError(
-            f"env: actuation_delay = {task.actuation_delay} s: must be a control period, {task.period} s, at most"
-        )
-    return share
 
 
 class LQG(PlanController):
@@ -95,16 +81,15 @@ class LQG(PlanController):
         if integral is not None:
             number("integral", integral, "m s", above=0.0)
         kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
-        self.late = late_share(task)
+        self.late = task.actuation_delay / task.period
+        if self.late > 1.0:
+            raise ValueError(
+                f"env: actuation_delay = {task.actuation_delay} s: must be a control period, {task.period} s, at most"
+            )
         self.integrates = integral is not None
-        self.filter = FilterTables.along(kalman, self.plans, self.reads_gauges())
+        self.filter = FilterTables.along(kalman, self.plans, "modal_coordinates" in self.blocks)
         problems = [LinearQuadratic.along(plan, weights, arm) for plan in self.plans]
         self.regulator = RegulatorTables.along(self.plans, problems, self.late, integral, feed_forward)
-
-    @classmethod
-    def reads_gauges(cls) -> bool:
-        """Return whether it reads strain gauges."""
-        return "modal_coordinates" in cls.blocks
 
     def start(self, seen: Seen) -> Memory:
         """Begin on the nearest plan, with motors at rest."""

@@ -69,15 +69,7 @@ class Node(NamedTuple):
     def _moved(
         self, values: Floats, forward: Floats, gains: Floats, arm: FlexibleArm, weights: RegulatorWeights
     ) -> Node:
-        """Make the node of what an arm does along the plan.
-
-        Args:
-            values: of the arm. Shape (2,).
-            forward: changes of the plan's torques [N m]. Shape (n, 2).
-            gains: on deviations from the plan [N m/x]. Shape (n, 2, 4 + 4 m).
-            arm: see `grid`.
-            weights: see `grid`.
-        """
+        """Make the node of what an arm does along the plan, under changed torques and gains on deviations."""
         plan = self.plan
         run = arm.rollout(
             plan.states[0],

@@ -16,16 +16,11 @@ from typing import Any, Self
 import numpy as np
 
 from flexarm_baselines.along_plans import within_half_a_turn
-from flexarm_baselines.arrays import Array, Floats, Integers
+from flexarm_baselines.arrays import Array, Floats, Integers, product
 from flexarm_baselines.observers import KalmanFilter, Transition
 from flexarm_baselines.optimal import LinearQuadratic, Plan
 
 Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) each
-
-
-def product(matrix: Floats, vector: Floats) -> Floats:
-    """Multiply n matrices by n vectors. Shape (n, d)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def joined(tables: Sequence[Any], dtype: Any = np.float32) -> Any:

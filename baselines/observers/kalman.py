@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Bools, Floats, chosen_rows, is_sound
+from flexarm_baselines.arrays import Bools, Floats, chosen_rows, is_sound, product
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.observers.readings import Readings
 from flexarm_env.physics.constants import ARM_QUANTITIES
@@ -204,7 +204,7 @@ class KalmanFilter:
         after = self.arm.step_jacobians(state, torque, self.period, **values)
         seen, part = after, self._until
         if part < self.period:
-            seen = self.arm.step_jacobians(state, torque, part, step=_substep(part), **values)
+            seen = self.arm.step_jacobians(state, torque, part, step=float(part / np.ceil(part / SUBSTEP)), **values)
         at = chosen_rows(is_sound(seen.state), seen.state, state)  # one without numbers has none in `after`
         outputs, slopes = self.arm.output_jacobians(at, self.sensor_position)
         sensed, velocity = slopes.sensed[:, :2], outputs.sensed[:, 2:4]
@@ -271,7 +271,7 @@ class KalmanFilter:
         there = ~np.isnan(given)
         residual = np.where(there, given - estimate.mean[:, rows], 0.0)
         gain, covariance, expected = self.gain(estimate.covariance, there)
-        mean = estimate.mean + (gain @ residual[..., None])[..., 0]
+        mean = estimate.mean + product(gain, residual)
         for offset, name in enumerate(self.quantities):
             mean[:, self._states + offset] = mean[:, self._states + offset].clip(*RANGES[name])
         return Estimate(mean, covariance), Innovation(residual, expected, there.sum(axis=1).astype(np.float64))
@@ -308,8 +308,3 @@ class KalmanFilter:
         gain = np.linalg.solve(expected, correlated.swapaxes(1, 2)).swapaxes(1, 2)
         after = covariance - gain @ correlated.swapaxes(1, 2)
         return gain, 0.5 * (after + after.swapaxes(1, 2)), expected
-
-
-def _substep(part: float) -> float:
-    """Return the integration step over a part of a control period [s]."""
-    return float(part / np.ceil(part / SUBSTEP))

@@ -33,11 +33,11 @@ def torque_gradient(
     derivative to say much. Where the derivative vanishes, it does so with any feedback.
 
     Args:
-        by_state: see `kernels.Runs`.
-        by_torque: see `kernels.Runs`.
-        gradient: see `kernels.Runs`.
-        weights: see `kernels.Runs`.
-        torques: see `kernels.Runs`.
+        by_state: see `kernels.Model`.
+        by_torque: see `kernels.Model`.
+        gradient: see `kernels.Model`.
+        weights: see `kernels.Model`.
+        torques: see `kernels.Model`.
         gains: of the feedback on z. Shape (N, 2, n + 2).
         result: receives the derivative. Shape (N, 2).
         slopes: receives that by the state at each period's end. Shape (N, n).

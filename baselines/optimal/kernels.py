@@ -19,48 +19,58 @@ TORQUES = 2
 LEAST_SHARE = 1e-14  # of the least curvature by the torques in the one of largest magnitude; rounding takes some 1e-16
 
 
-class Runs(NamedTuple):
-    """R runs of N periods, independent of each other: the quadratic model of their cost, and the torques' bounds.
+class Model(NamedTuple):
+    """Runs of N periods with their dynamics to first order and their cost to second order.
+
+    Leading axes, of any number, are those of the runs; the kernels take one, R.
 
     Attributes:
-        by_state: A of each period. Shape (R, N, n, n).
-        by_torque: B. Shape (R, N, n, 2).
-        defects: by how much each period of a run ends beyond the next state; 0 where it follows the dynamics.
-            Shape (R, N, n), or (R, 1, n) for all periods.
-        gradient: of the cost, by each state. Shape (R, N + 1, n).
-        hessian: Shape (R, N + 1, n, n).
+        by_state: derivatives A of each period's end by the state. Shape (..., N, n, n).
+        by_torque: B, by the torque. Shape (..., N, n, 2).
+        gradient: of the cost, by each state. Shape (..., N + 1, n).
+        hessian: Shape (..., N + 1, n, n).
+        weights: on squared torques, and on their squared changes, of all runs. Shape (2, 2).
+        torques: of the period before the first, then of each. Shape (..., N + 1, 2).
+        defects: by how much each period ends beyond the next state; None: the runs follow the dynamics.
+            Shape (..., N, n), or (..., 1, n) for all periods.
         curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
-            the cost's slope there; 0 for iterative LQR. Shape (R, N, n + 2, n + 2), or (R, 1, n + 2, n + 2) for all
-            periods.
-        weights: on squared torques, and on their squared changes. Shape (2, 2).
-        torques: of the period before the first, then of each. Shape (R, N + 1, 2).
-        limits: largest magnitudes. Shape (2,).
-        regularisation: added to the curvature by each torque. Shape (2,).
+            the cost's slope there; None: 0, as in iterative LQR. Shape (..., N, n + 2, n + 2), or
+            (..., 1, n + 2, n + 2) for all periods.
     """
 
     by_state: Floats
     by_torque: Floats
-    defects: Floats
     gradient: Floats
     hessian: Floats
-    curvature: Floats
     weights: Floats
     torques: Floats
+    defects: Floats | None = None
+    curvature: Floats | None = None
+
+
+class Bounds(NamedTuple):
+    """What keeps steps small.
+
+    Attributes:
+        limits: largest magnitudes of the torques. Shape (2,).
+        regularisation: added to the curvature by each torque. Shape (2,).
+    """
+
     limits: Floats
     regularisation: Floats
 
 
-class Solution(NamedTuple):
-    """What a sweep writes.
+class Sweep(NamedTuple):
+    """What a sweep finds; leading axes as those of `Model`.
 
     Attributes:
-        forward: changes of the torques. Shape (R, N, 2).
-        gains: on z. Shape (R, N, 2, n + 2).
+        forward: changes of the torques. Shape (..., N, 2).
+        gains: on z. Shape (..., N, 2, n + 2).
         slopes: of the cost from each instant on, by z; the last one is that of a cost beyond the end, to which the
-            end's own is added. Shape (R, N + 1, n + 2).
-        curvatures: as `slopes`. Shape (R, N + 1, n + 2, n + 2).
+            end's own is added. Shape (..., N + 1, n + 2).
+        curvatures: as `slopes`. Shape (..., N + 1, n + 2, n + 2).
         expected: first- and second-order part of the change of the cost that the model expects of the full step.
-            Shape (R, 2).
+            Shape (..., 2).
     """
 
     forward: Floats
@@ -71,7 +81,7 @@ class Solution(NamedTuple):
 
 
 class Period(NamedTuple):
-    """What `Runs` has of one period of a run.
+    """What `Model` has of one period of a run.
 
     Attributes:
         a: A. Shape (n, n).
@@ -205,7 +215,7 @@ def add_torque_cost(weights: Floats, torque: Floats, before: Floats, q: Quadrati
     """Add a period's cost of its torque and of the change since the period before.
 
     Args:
-        weights: see `Runs`.
+        weights: see `Model`.
         torque: of the period. Shape (2,).
         before: of the one before. Shape (2,).
         q: of `state_model` and `torque_model`; the last two entries of `z` and rows of `zz` are set.
@@ -223,21 +233,24 @@ def add_torque_cost(weights: Floats, torque: Floats, before: Floats, q: Quadrati
 
 
 @compiled
-def minimise(runs: Runs, torque: Floats, q: Quadratic, box: Floats, step: Floats, gains: Floats) -> None:
+def minimise(
+    weights: Floats, bounds: Bounds, torque: Floats, q: Quadratic, box: Floats, step: Floats, gains: Floats
+) -> None:
     """Find the best change of a period's torque within its limits, and its gains on z.
 
     Where the model bends less than the torques' own cost does, it is bent as much (a modified Newton method); where
     that is lost in rounding, a little more.
 
     Args:
-        runs: all runs.
+        weights: see `Model`.
+        bounds: of the steps.
         torque: at present. Shape (2,).
         q: the model.
         box: to work in. Shape (2, 2).
         step: receives the change. Shape (2,).
         gains: receives the gains; those of a torque at a limit are 0. Shape (2, n + 2).
     """
-    weights, limits, regularisation, quu, quz = runs.weights, runs.limits, runs.regularisation, q.uu, q.uz
+    (limits, regularisation), quu, quz = bounds, q.uu, q.uz
     for k in range(TORQUES):
         box[0, k], box[1, k] = -limits[k] - torque[k], limits[k] - torque[k]
     own_1, own_2 = 2.0 * (weights[0, 0] + weights[1, 0]), 2.0 * (weights[0, 1] + weights[1, 1])
@@ -292,27 +305,28 @@ def update_value(step: Floats, gains: Floats, q: Quadratic, vx: Floats, vxx: Flo
 
 
 @compiled
-def backward(runs: Runs, solution: Solution) -> None:
+def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     """Sweep backward through runs: steps and gains that minimise the quadratic model of each one's cost.
 
     Torques stay within the limits (control-limited differential dynamic programming).
 
     Args:
-        runs: all runs.
-        solution: receives what is found.
+        runs: all runs, with defects and curvature.
+        bounds: of the steps.
+        found: receives what is found.
     """
     count, periods, n = runs.by_torque.shape[:3]
     size = n + TORQUES
     vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
     box, (u, uu) = np.zeros((2, TORQUES)), (np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)))
     q = Quadratic(np.zeros(size), np.zeros((size, size)), u, uu, np.zeros((TORQUES, size)))
-    solution.expected[:] = 0.0
+    found.expected[:] = 0.0
     for run in range(count):
-        solution.slopes[run, periods, :n] += runs.gradient[run, periods]
-        solution.curvatures[run, periods, :n, :n] += runs.hessian[run, periods]
-        vx[:], vxx[:] = solution.slopes[run, periods], solution.curvatures[run, periods]
+        found.slopes[run, periods, :n] += runs.gradient[run, periods]
+        found.curvatures[run, periods, :n, :n] += runs.hessian[run, periods]
+        vx[:], vxx[:] = found.slopes[run, periods], found.curvatures[run, periods]
         for t in range(periods - 1, -1, -1):
-            torque, change, gains = runs.torques[run, t + 1], solution.forward[run, t], solution.gains[run, t]
+            torque, change, gains = runs.torques[run, t + 1], found.forward[run, t], found.gains[run, t]
             for i in range(size):
                 for j in range(n):
                     vx[i] += vxx[i, j] * runs.defects[run, min(t, runs.defects.shape[1] - 1), j]
@@ -322,7 +336,7 @@ def backward(runs: Runs, solution: Solution) -> None:
             state_model(period, vx, vxx, va, q)
             torque_model(period, vx, vxx, va, q)
             add_torque_cost(runs.weights, torque, runs.torques[run, t], q)
-            minimise(runs, torque, q, box, change, gains)
-            solution.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]
-            solution.expected[run, 1] += update_value(change, gains, q, vx, vxx)
-            solution.slopes[run, t], solution.curvatures[run, t] = vx, vxx
+            minimise(runs.weights, bounds, torque, q, box, change, gains)
+            found.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]
+            found.expected[run, 1] += update_value(change, gains, q, vx, vxx)
+            found.slopes[run, t], found.curvatures[run, t] = vx, vxx

@@ -11,15 +11,14 @@ import numpy as np
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Solution, SolverOptions, optimise
-from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_baselines.optimal.starts import Branch, both_sides, follow, joint_path
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import rest_state
-from flexarm_env.validation import choice, integer, number, shown
+from flexarm_env.validation import choice, instance, integer, number
 
-SWING = 0.4  # [s], of a change of sides in the starts
 CHANGE_WEIGHT = 3e-3  # [m^2]; of torques in `TrackingProblem`, as in the plans of the package for the default arm
 DEFLECTION = 1.4  # [m]; the environments end an episode at 1.5 m
 OPTIONS: dict[str, Any] = {"change_weight": CHANGE_WEIGHT, "deflection_limit": DEFLECTION}  # of a lap's problem
@@ -48,8 +47,7 @@ def lap_problem(
     Raises:
         ValueError: for another name, a path out of reach, or a lap of no whole number of periods.
     """
-    if not isinstance(arm, FlexibleArm):
-        raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
+    instance("arm", arm, FlexibleArm)
     task = lap_square(lap)
     way = PATHS[choice("path", path, tuple(PATHS))](task)
     way.check_reach(arm.parameters)
@@ -64,10 +62,7 @@ def lap_problem(
 
 def usual_starts(lap: str | SquareParameters) -> tuple[tuple[Branch, ...], ...]:
     """Return the sequences of branches that `plan_lap` tries: the start's throughout, and the other one at once."""
-    own = lap_square(lap).elbow_branch
-    other = "negative" if own == "positive" else "positive"
-    stay = Branch(0.0, own)
-    return (stay,), (stay, Branch(0.01, other, SWING))
+    return both_sides(lap_square(lap).elbow_branch, 0.01)
 
 
 def plan_lap(

@@ -12,9 +12,10 @@ from typing import Self
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, prolonged
+from flexarm_baselines.optimal.kernels import Model
 from flexarm_baselines.optimal.plan import Plan
-from flexarm_baselines.optimal.sweep import Model, sweep
+from flexarm_baselines.optimal.sweep import sweep
 from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import number, pair
@@ -121,13 +122,14 @@ class LinearQuadratic:
 
     def _wider(self, more: int) -> Self:
         """Add numbers to z that stay as they are, and neither cost nor do anything yet."""
-        n, d = self.by_torque.shape[:2]
-        by_state, by_torque = np.zeros((n, d + more, d + more)), np.zeros((n, d + more, 2))
-        by_quantity, cost = np.zeros((n, d + more, 3)), np.zeros((n + 1, d + more, d + more))
-        tip = np.zeros((n + 1, 2, d + more))
-        by_state[:, :d, :d], by_torque[:, :d], by_quantity[:, :d] = self.by_state, self.by_torque, self.by_quantity
+
+        def padded(table: Floats, *axes: int) -> Floats:
+            return np.pad(table, [(0, more * (axis in axes)) for axis in range(table.ndim)])
+
+        d = self.by_torque.shape[1]
+        by_state, by_torque, cost = padded(self.by_state, 1, 2), padded(self.by_torque, 1), padded(self.cost, 1, 2)
         by_state[:, d:, d:] = np.eye(more)
-        cost[:, :d, :d], tip[:, :, :d] = self.cost, self.tip
+        by_quantity, tip = padded(self.by_quantity, 1), padded(self.tip, 2)
         return replace(self, by_state=by_state, by_torque=by_torque, by_quantity=by_quantity, cost=cost, tip=tip)
 
     def gains(self) -> Floats:
@@ -143,17 +145,12 @@ class LinearQuadratic:
         more, size = round(ENDURING / self.period), self.by_torque.shape[1]
         count = len(self.by_torque)
         model = Model(
-            _prolonged(self.by_state, more),
-            _prolonged(self.by_torque, more),
+            prolonged(self.by_state, more),
+            prolonged(self.by_torque, more),
             np.concatenate([gradient, np.zeros((more, size))]),
-            _prolonged(self.cost, more),
+            prolonged(self.cost, more),
             np.array([0.5 / np.square(self.torque), np.zeros(2)]),
             np.zeros((count + more + 1, 2)),
         )
         found = sweep(model)
         return found.forward[:count], np.ascontiguousarray(found.gains[:count, :, :size])
-
-
-def _prolonged(table: Floats, more: int) -> Floats:
-    """Repeat the last entry."""
-    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])

@@ -17,7 +17,7 @@ from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation import archive
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.validation import choice, finite_array, mapping, number, pair, shown
+from flexarm_env.validation import choice, finite_array, instance, mapping, number, pair, shown
 
 PLANS = Path(__file__).resolve().parents[1] / "plans"
 _FORMAT = 1
@@ -55,8 +55,7 @@ class Plan:
             TypeError: for a value of the wrong kind.
             ValueError: for a shape that does not fit, or a number out of range.
         """
-        if not isinstance(self.parameters, ArmParameters):
-            raise TypeError(f"parameters = {shown(self.parameters)}: must be an ArmParameters")
+        instance("parameters", self.parameters, ArmParameters)
         mapping("notes", self.notes)
         put = object.__setattr__
         put(self, "torques", finite_array("torques", self.torques, (None, 2)))

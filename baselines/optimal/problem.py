@@ -17,7 +17,7 @@ from flexarm_env.physics.linear_algebra import dot
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.simulation.open_loop import LARGEST
-from flexarm_env.validation import finite_array, finite_values, number, pair, shown
+from flexarm_env.validation import finite_array, finite_values, instance, number, pair, shown
 
 # From the state's 4 + 4 m numbers (or arrays, an entry for each instant) and the time [s] to numbers whose squares are
 # added to the cost. It is differentiated by dual numbers: sums, products, quotients, and `codegen.elementary`.
@@ -92,8 +92,7 @@ class TrackingProblem:
             TypeError: for a value of the wrong kind.
             ValueError: for a shape that does not fit, or a number out of range.
         """
-        if not isinstance(self.arm, FlexibleArm):
-            raise TypeError(f"arm = {shown(self.arm)}: must be a FlexibleArm")
+        instance("arm", self.arm, FlexibleArm)
         if self.residuals is not None and not callable(self.residuals):
             raise TypeError(f"residuals = {shown(self.residuals)}: must be a function of state and time, or None")
         put = object.__setattr__

@@ -23,8 +23,9 @@ from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal.adjoint import torque_gradient
+from flexarm_baselines.optimal.kernels import Model
 from flexarm_baselines.optimal.problem import DIVERGED, Expansion, TrackingProblem
-from flexarm_baselines.optimal.sweep import Model, sweep
+from flexarm_baselines.optimal.sweep import sweep
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import finite_array, integer, number
 

@@ -16,12 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal.kernels import Model
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import rollout
-from flexarm_baselines.optimal.sweep import Model, sweep
+from flexarm_baselines.optimal.sweep import sweep
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import choice, finite_array, number
+
+SIDES = ("positive", "negative")
+SWING = 0.4  # [s], of a change of sides
 
 
 class Branch(NamedTuple):
@@ -36,6 +40,12 @@ class Branch(NamedTuple):
     since: float
     side: str
     duration: float = 0.5
+
+
+def both_sides(own: str, since: float) -> tuple[tuple[Branch, ...], ...]:
+    """Return the sequences that stay on a side, and that change to the other one at a time [s]."""
+    other = SIDES[own == "positive"]
+    return (Branch(0.0, own),), (Branch(0.0, own), Branch(since, other, SWING))
 
 
 def joint_path(problem: TrackingProblem, branches: Sequence[Branch]) -> Floats:
@@ -55,7 +65,7 @@ def joint_path(problem: TrackingProblem, branches: Sequence[Branch]) -> Floats:
         raise ValueError(f"branches: times must increase, got {times} s")
     time, found = problem.time, np.zeros((problem.periods + 1, 2))
     for n, branch in enumerate(branches):
-        choice(f"branches[{n}].side", branch.side, ("positive", "negative"))
+        choice(f"branches[{n}].side", branch.side, SIDES)
         number(f"branches[{n}].duration", branch.duration, "s", above=0.0)
         angles = _inverse_kinematics(problem, 1.0 if branch.side == "positive" else -1.0)
         if n == 0:

@@ -12,7 +12,7 @@ from flexarm_baselines.optimal.linear_quadratic import GOOD, LinearQuadratic, Re
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.validation import finite_rows, number, shown
+from flexarm_env.validation import finite_rows, instance, number
 
 
 class PlanRegulator:
@@ -36,10 +36,8 @@ class PlanRegulator:
             TypeError: for a value of the wrong kind.
             ValueError: for a model with another number of modes than the plan's arm.
         """
-        if not isinstance(plan, Plan):
-            raise TypeError(f"plan = {shown(plan)}: must be a Plan")
-        if not isinstance(weights, RegulatorWeights):
-            raise TypeError(f"weights = {shown(weights)}: must be RegulatorWeights")
+        instance("plan", plan, Plan)
+        instance("weights", weights, RegulatorWeights)
         self.plan, self.weights = plan, weights
         arm = plan.arm if model is None else _fitting(plan, model)
         self.gains = LinearQuadratic.along(plan, weights, arm).gains()
@@ -87,8 +85,7 @@ class PlanRegulator:
 
 def _fitting(plan: Plan, arm: FlexibleArm) -> FlexibleArm:
     """Check that an arm has the plan's states."""
-    if not isinstance(arm, FlexibleArm):
-        raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
+    instance("arm", arm, FlexibleArm)
     if arm.parameters.modes_per_link != plan.parameters.modes_per_link:
         raise ValueError(
             f"arm: has {arm.parameters.modes_per_link} modes a link, the plan's {plan.parameters.modes_per_link}"

@@ -191,8 +191,10 @@ class NMPC(PredictiveController):
         joints = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
         expected = self.filter.state(estimate)[:, :2]
         joints[:, :2] = expected + within_half_a_turn(joints[:, :2] - expected)
+        reads_gauges = "modal_coordinates" in self.blocks
+        gauges = np.concatenate([seen[name] for name in GAUGES], axis=1) if reads_gauges else None
         with np.errstate(over="ignore", invalid="ignore"):
-            estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], self.gauges(seen)))
+            estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], gauges))
         lost = ~self.filter.is_sound(estimate)
         if lost.any():
             again = self.filter.start(self.resting(seen, run)[lost])
@@ -207,12 +209,6 @@ class NMPC(PredictiveController):
         """Predict the estimate of the next instant."""
         with np.errstate(over="ignore", invalid="ignore"):  # `update` begins an estimate anew that lost its numbers
             return tuple(self.filter.predict(Estimate(*belief), torque))
-
-    def gauges(self, seen: Seen) -> Floats | None:
-        """Return the readings of the strain gauges, if there are any."""
-        if "modal_coordinates" not in self.blocks:
-            return None
-        return np.concatenate([seen["modal_coordinates"], seen["modal_rates"]], axis=1)
 
 
 class GaugedNMPC(NMPC):

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
+from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound, product
+from flexarm_baselines.optimal.kernels import Model, Sweep
 from flexarm_baselines.optimal.solver import STEP_LENGTHS
-from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
+from flexarm_baselines.optimal.sweep import CostToGo, sweep
 from flexarm_baselines.predictive import kernels
 from flexarm_baselines.predictive.reference_run import ReferenceRun
 from flexarm_env.simulation.arm import FlexibleArm
@@ -86,7 +87,7 @@ class _Law(NamedTuple):
     def offset(self) -> Floats:
         """Torques less what the gains make of the runs' own torques before [N m]. Shape (n, N, 2)."""
         before = np.concatenate([self.first[:, None], self.torques[:, :-1]], axis=1)
-        return self.torques - _times(self.gains[..., self.states.shape[-1] :], before)
+        return self.torques - product(self.gains[..., self.states.shape[-1] :], before)
 
 
 class RealTimeIteration:
@@ -136,7 +137,7 @@ class RealTimeIteration:
         ahead = self._ahead(now)
         slopes, curvatures = ahead.beyond
         off = _end(prediction) - _end(ahead.run)
-        beyond = CostToGo(slopes + _times(curvatures, off), curvatures)
+        beyond = CostToGo(slopes + product(curvatures, off), curvatures)
         runs = self._roll_out(prediction, now, ahead, self._sweep(prediction, now, ahead, beyond))
         sound = is_sound(runs.states, 2)
         states = np.where(sound[..., None, None], runs.states, ahead.run.states[:, None])
@@ -152,7 +153,7 @@ class RealTimeIteration:
         runs, last = self.runs, now.period + self.horizon
         states, torques = prediction
         off = _end(prediction) - np.concatenate([runs.states[now.run, last], runs.torques[now.run, last - 1]], axis=1)
-        torque = runs.torques[now.run, last] + _times(runs.gains[now.run, last], off)
+        torque = runs.torques[now.run, last] + product(runs.gains[now.run, last], off)
         torque = np.clip(torque, -self.limits, self.limits)
         state = self.model.step(states[:, -1], torque, self.period, step=self.step, **now.quantities)
         state = chosen_rows(is_sound(state), state, runs.states[now.run, last + 1])
@@ -251,9 +252,3 @@ class RealTimeIteration:
 def _end(run: Rollout) -> Floats:
     """Return the last state of runs, and the torque before it. Shape (..., s + 2)."""
     return np.concatenate([run.states[..., -1, :], run.torques[..., -1, :]], axis=-1)
-
-
-def _times(matrices: Floats, vectors: Floats) -> Floats:
-    """Multiply vectors along the last axis by matrices. Shape (..., rows)."""
-    product: Floats = (matrices @ vectors[..., None])[..., 0]
-    return product

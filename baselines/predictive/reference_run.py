@@ -8,18 +8,15 @@ from typing import Self
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Floats, prolonged
+from flexarm_baselines.optimal.kernels import Model, Sweep
 from flexarm_baselines.optimal.laps import DEFLECTION
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import DEFLECTION_WEIGHT, TrackingProblem
-from flexarm_baselines.optimal.starts import Branch, follow, joint_path
-from flexarm_baselines.optimal.sweep import CostToGo, Model, sweep
+from flexarm_baselines.optimal.starts import SIDES, both_sides, follow, joint_path
+from flexarm_baselines.optimal.sweep import sweep
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.simulation.limits import rest_state
-
-SWING = 0.4  # [s], of a change of the elbow's side in a previewed run
-SIDES = ("positive", "negative")
 
 
 @dataclass(frozen=True)
@@ -74,25 +71,14 @@ class ReferenceRun:
                 period=plan.period,
                 step=plan.step,
             )
-            gains, cost = _swept(problem, Rollout(plan.states, plan.torques))
-            parts.append(
-                (
-                    _prolonged(plan.states, horizon),
-                    _prolonged(plan.torques, horizon + 1),
-                    _faded(gains, horizon + 1),
-                    _faded(cost.slopes, horizon),
-                    _faded(cost.curvatures, horizon),
-                )
-            )
-        states, torques, every_gain, slopes, curvatures = (np.stack(part) for part in zip(*parts, strict=True))
+            found = _swept(problem, plan)
+            tables = prolonged(plan.states, horizon), prolonged(plan.torques, horizon + 1)
+            faded = _faded(found.gains, horizon + 1), _faded(found.slopes, horizon), _faded(found.curvatures, horizon)
+            parts.append((*tables, *faded))
         instants = len(problem.reference)
         return cls(
-            states,
-            torques,
-            every_gain,
-            slopes,
-            curvatures,
-            reference=_prolonged(problem.reference, horizon),
+            *(np.stack(part) for part in zip(*parts, strict=True)),
+            reference=prolonged(problem.reference, horizon),
             tip_weights=_faded(np.full(instants, 1.0 / instants), horizon),
             torque_weights=problem.weights,
             deflection_weight=DEFLECTION_WEIGHT / instants,
@@ -100,24 +86,12 @@ class ReferenceRun:
         )
 
 
-def _swept(problem: TrackingProblem, run: Rollout) -> tuple[Floats, CostToGo]:
-    """Return gains and cost-to-go along a run, which need not follow the problem's arm."""
-    found = problem.arm.step_jacobians(run.states[:-1], run.torques, problem.period, step=problem.step)
-    expansion = problem.expand(run.states)
-    model = Model(
-        found.by_state,
-        found.by_torque,
-        *expansion,
-        torques=problem.with_torque_before(run.torques),
-        defects=found.state - run.states[1:],
-    )
-    result = sweep(model, np.array(problem.limits))
-    return result.gains, result.cost_to_go
-
-
-def _prolonged(table: Floats, more: int) -> Floats:
-    """Repeat the last entry."""
-    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])
+def _swept(problem: TrackingProblem, plan: Plan) -> Sweep:
+    """Sweep backward along a plan, which need not follow the problem's arm."""
+    found = problem.arm.step_jacobians(plan.states[:-1], plan.torques, problem.period, step=problem.step)
+    torques, defects = problem.with_torque_before(plan.torques), found.state - plan.states[1:]
+    model = Model(found.by_state, found.by_torque, *problem.expand(plan.states), torques, defects)
+    return sweep(model, np.array(problem.limits))
 
 
 def _faded(table: Floats, more: int) -> Floats:
@@ -138,11 +112,10 @@ def previewed(arm: FlexibleArm, reference: Floats, limits: tuple[float, float], 
         period: control period [s].
     """
     plans = []
-    for side, other in (SIDES, SIDES[::-1]):
+    for side in SIDES:
         start = rest_state(arm, reference[0], side)
         problem = TrackingProblem(arm, start, reference, limits, deflection_limit=DEFLECTION, period=period)
-        ways = ((Branch(0.0, side),), (Branch(0.0, side), Branch(period, other, SWING)))
-        runs = [follow(problem, joint_path(problem, way)) for way in ways]
+        runs = [follow(problem, joint_path(problem, way)) for way in both_sides(side, period)]
         best = min(runs, key=lambda run: float(problem.cost(run)))
         plans.append(Plan(arm.parameters, *best, reference, limits, period, problem.step))
     return plans

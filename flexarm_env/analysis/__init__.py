@@ -29,6 +29,7 @@ from flexarm_env.analysis.passivity import Passivity, force_to_rate, passivity
 from flexarm_env.analysis.plant import Plant, Poles, linear_plant, poles
 from flexarm_env.analysis.sensor import Sensor, joint_angles, rigid_point, strain, tip, true_point
 from flexarm_env.analysis.zeros import ZeroDirections, Zeros, zero_directions, zeros
+from flexarm_env.renamed import keep_old_names
 
 __all__ = [
     "DelayCrossing",
@@ -76,3 +77,5 @@ __all__ = [
     "zero_limits",
     "zeros",
 ]
+
+keep_old_names("flexarm_env", {"analysis.checks": "validation"})

@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import integer, number
+from flexarm_env.validation import instance, integer, number
 
 Array = NDArray[np.float64]
 _POINTS_PER_UNIT = 40  # of kappa L and k L in the search for sign changes; roots are about pi or more apart

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.crossing_curves import TURN, curve_crossings
 from flexarm_env.analysis.law_loop import LawLoop
 from flexarm_env.analysis.sweep import bisected, determinant, frequencies, mixed
-from flexarm_env.validation import number
+from flexarm_env.validation import instance, number
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

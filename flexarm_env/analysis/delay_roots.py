@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.law_loop import LawLoop
-from flexarm_env.validation import integer
+from flexarm_env.validation import instance, integer
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

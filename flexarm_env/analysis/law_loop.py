@@ -23,14 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
 from flexarm_env.parameters import LawParameters, SensorParameters, SensorTraits
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import finite_array, number
+from flexarm_env.validation import finite_array, instance, number
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.crossings import GainCrossing, crossing_delays, crossing_gains
 from flexarm_env.analysis.law_loop import LawLoop
 from flexarm_env.parameters import MAX_DELAY
+from flexarm_env.validation import instance
 
 _LONGEST = (1e-3, 1e-2, 0.1, 1.0, MAX_DELAY)  # [s]; searched one after the other: the number of crossings grows with it
 

@@ -12,9 +12,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
-from flexarm_env.validation import choice
+from flexarm_env.validation import choice, instance
 
 Array = NDArray[np.float64]
 Joints = Literal["free", "locked"]

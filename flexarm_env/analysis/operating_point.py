@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.lazy import cached_property
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import finite_array
+from flexarm_env.validation import finite_array, instance
 
 Array = NDArray[np.float64]
 

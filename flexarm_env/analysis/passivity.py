@@ -19,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.plant import Plant, linear_plant
 from flexarm_env.analysis.sensor import Sensor, rigid_jacobian
-from flexarm_env.validation import finite_array, number, shown
+from flexarm_env.validation import finite_array, instance, number, shown
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.io import savemat
+from scipy.linalg import block_diag
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
 from flexarm_env.extras import install_hint
-from flexarm_env.validation import finite_array, integer, shown
+from flexarm_env.validation import finite_array, instance, integer, shown
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -139,8 +139,8 @@ class Plant:
             ValueError: for an order out of 1 to `MAX_PADE`.
         """
         integer("order", order, 1, MAX_PADE)
-        blocks = [_pade(float(delay), order) for delay in self.delays]
-        late = _stacked(blocks)
+        blocks = (_pade(float(delay), order) for delay in self.delays)
+        late = [block_diag(*part) for part in zip(*blocks, strict=True)]
         size = len(self.A)
         total = size + len(late[0])
         a, b = np.zeros((total, total)), np.zeros((total, self.B.shape[1]))
@@ -290,16 +290,3 @@ def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
     a[0], a[1:, :-1] = -denominator[1:], np.eye(order - 1)
     c = (numerator[1:] - numerator[0] * denominator[1:])[None]
     return a / delay, np.eye(order, 1) / delay, c, np.array([[numerator[0]]])
-
-
-def _stacked(blocks: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array, Array]:
-    """Join single-input systems side by side."""
-    sizes = [len(block[0]) for block in blocks]
-    n, p = sum(sizes), len(blocks)
-    a, b, c, d = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n)), np.zeros((p, p))
-    first = 0
-    for i, (block, size) in enumerate(zip(blocks, sizes, strict=True)):
-        place = slice(first, first + size)
-        a[place, place], b[place, i], c[i, place], d[i, i] = block[0], block[1][:, 0], block[2][0], block[3][0, 0]
-        first += size
-    return a, b, c, d

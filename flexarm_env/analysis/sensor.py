@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.parameters import MAX_DELAY
+from flexarm_env.physics import sensing
 from flexarm_env.validation import choice, flag, integer, number
 
 Array = NDArray[np.float64]
@@ -160,9 +161,8 @@ def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
     Returns:
         d(x, y)/d(theta1, theta2) [m/rad]. Shape (2, 2).
     """
-    one, both = q[0], q[0] + q[1]
-    second = distance * np.array([-np.sin(both), np.cos(both)])
-    return np.column_stack([length_1 * np.array([-np.sin(one), np.cos(one)]) + second, second])
+    one, both = ((np.sin(angle), np.cos(angle)) for angle in (q[0], q[0] + q[1]))
+    return np.column_stack(sensing.rigid_jacobian(length_1, distance, one, both))
 
 
 def joint_angles(*, rate: bool = False, delay: float = 0.0) -> Sensor:

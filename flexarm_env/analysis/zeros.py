@@ -21,8 +21,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.plant import Plant
+from flexarm_env.validation import instance
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -27,7 +27,7 @@ from flexarm_env.simulation.feedback import FeedbackTorque
 from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
 from flexarm_env.simulation.outputs import output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
-from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array, shown
+from flexarm_env.validation import finite_array, finite_rows, instance, integer, number, real_array, shown
 
 Array = NDArray[np.float64]
 
@@ -61,8 +61,7 @@ class FlexibleArm(FeedbackTorque):
             TypeError, ValueError: if it is anything else, or its masses lie too far apart (`conditioning`).
         """
         self.parameters = parameters = ArmParameters() if parameters is None else parameters
-        if not isinstance(parameters, ArmParameters):
-            raise TypeError(f"parameters = {shown(parameters)}: must be an ArmParameters")
+        instance("parameters", parameters, ArmParameters)
         self.modes = constants.arm_modes(parameters)
         self.constants = constants.arm_constants(parameters, self.modes)
         refuse_singular(parameters, self.constants)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation import archive
-from flexarm_env.validation import mapping, real_array, shown
+from flexarm_env.validation import instance, mapping, real_array, shown
 
 Array = NDArray[np.float64]
 _FORMAT = 1
@@ -67,8 +67,7 @@ class Trajectory:
             TypeError: if the notes are no mapping.
             ValueError: naming the array that does not fit.
         """
-        if not isinstance(self.parameters, ArmParameters):
-            raise TypeError(f"parameters = {shown(self.parameters)}: must be an ArmParameters")
+        instance("parameters", self.parameters, ArmParameters)
         mapping("notes", self.notes)
         for name, array in self.arrays().items():
             if not (isinstance(array, np.ndarray) and array.dtype == np.float64):

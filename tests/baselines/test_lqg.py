@@ -8,8 +8,9 @@ import gymnasium
 import numpy as np
 import pytest
 
+from flexarm_baselines.arrays import product
 from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG
-from flexarm_baselines.lqg.tables import FilterTables, product
+from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
 from flexarm_baselines.optimal import PlanRegulator, RegulatorWeights
 from flexarm_baselines.optimal.library import mirrored

@@ -1,6 +1,6 @@
 """The solver's sweeps: against dense solutions of the same quadratic problems, and differences."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
@@ -8,24 +8,14 @@ from hypothesis import strategies as st
 
 from flexarm_baselines.optimal import kernels
 from flexarm_baselines.optimal.adjoint import torque_gradient
-from flexarm_baselines.optimal.sweep import CostToGo, Model, sweep
+from flexarm_baselines.optimal.sweep import CostToGo, sweep
 
 N, SIZE = 6, 4
-FREE = np.full(2, np.inf)
 small = st.floats(-3.0, 3.0)
 
 
-class Linear(NamedTuple):
+class Linear(kernels.Model):
     """A time-varying linear-quadratic problem about a trajectory: x_(t+1) = A x + B u + defect."""
-
-    by_state: np.ndarray
-    by_torque: np.ndarray
-    defects: np.ndarray
-    gradient: np.ndarray
-    hessian: np.ndarray
-    curvature: np.ndarray
-    weights: np.ndarray
-    torques: np.ndarray
 
     @classmethod
     def drawn(cls, seed: int) -> "Linear":
@@ -34,12 +24,12 @@ class Linear(NamedTuple):
         return cls(
             np.eye(SIZE) + 0.3 * rng.normal(size=(N, SIZE, SIZE)),
             rng.normal(size=(N, SIZE, 2)),
-            0.1 * rng.normal(size=(N, SIZE)),
             rng.normal(size=(N + 1, SIZE)),
             roots.swapaxes(1, 2) @ roots,
-            0.1 * bends.swapaxes(1, 2) @ bends,
             rng.uniform(0.1, 1.0, size=(2, 2)),
             rng.normal(size=(N + 1, 2)),
+            0.1 * rng.normal(size=(N, SIZE)),
+            0.1 * bends.swapaxes(1, 2) @ bends,
         )
 
     def cost(self, changes: np.ndarray) -> Any:
@@ -66,11 +56,6 @@ class Linear(NamedTuple):
         return 0.5 * (plus - minus), both - plus[:, None] - plus[None] + at
 
 
-def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    found = sweep(Model(**problem._asdict()), limits)
-    return found.forward, found.gains, found.expected
-
-
 def applied(problem: Linear, forward: np.ndarray, gains: np.ndarray) -> np.ndarray:
     """Return changes of the torques when steps and gains act on the linear system."""
     x, before, changes = np.zeros(SIZE), np.zeros(2), []
@@ -87,28 +72,28 @@ def test_a_sweep_solves_the_linear_quadratic_problem(seed: int) -> None:
     problem = Linear.drawn(seed)
     gradient, hessian = problem.dense()
     exact = -np.linalg.solve(hessian, gradient).reshape(N, 2)
-    forward, gains, _ = swept(problem)
-    np.testing.assert_allclose(applied(problem, forward, gains), exact, rtol=1e-6, atol=1e-7)
+    found = sweep(problem)
+    np.testing.assert_allclose(applied(problem, found.forward, found.gains), exact, rtol=1e-6, atol=1e-7)
 
 
 def test_a_sweep_over_the_first_half_meets_the_cost_to_go_of_the_second() -> None:
     """Bellman's principle: with what follows as a cost beyond the end, half a run has the whole run's steps."""
-    whole, half = sweep(Model(**Linear.drawn(3)._asdict())), N // 2
-    beyond = CostToGo(*(table[half] for table in whole.cost_to_go))
-    own = {name: table[:half] for name, table in Linear.drawn(3)._asdict().items() if name != "weights"}
-    own["torques"] = Linear.drawn(3).torques[: half + 1]
-    for name in ("gradient", "hessian"):  # that of the instant where the halves meet is in what follows
-        own[name] = np.concatenate([own[name], np.zeros_like(own[name][:1])])
-    found = sweep(Model(weights=Linear.drawn(3).weights, **own), beyond=beyond)
+    problem, half = Linear.drawn(3), N // 2
+    whole = sweep(problem)
+    own = problem._replace(**{name: table[:half] for name, table in problem._asdict().items() if name != "weights"})
+    # the cost of the instant where the halves meet is in what follows
+    nothing = {name: np.concatenate([(part := getattr(own, name)), 0.0 * part[:1]]) for name in ("gradient", "hessian")}
+    own = own._replace(torques=problem.torques[: half + 1], **nothing)
+    found = sweep(own, beyond=CostToGo(whole.slopes[half], whole.curvatures[half]))
     np.testing.assert_allclose(found.forward, whole.forward[:half])
     np.testing.assert_allclose(found.gains, whole.gains[:half])
-    for one, other in zip(found.cost_to_go, whole.cost_to_go, strict=True):
-        np.testing.assert_allclose(one, other[: half + 1], atol=1e-9)
+    np.testing.assert_allclose(found.slopes, whole.slopes[: half + 1], atol=1e-9)
+    np.testing.assert_allclose(found.curvatures, whole.curvatures[: half + 1], atol=1e-9)
 
 
 def test_it_expects_the_decrease_that_comes() -> None:
     problem = Linear.drawn(1)._replace(defects=np.zeros((N, SIZE)))
-    forward, gains, (slope, curve) = swept(problem)
+    forward, gains, *_, (slope, curve) = sweep(problem)
     change = problem.cost(applied(problem, forward, gains)) - problem.cost(np.zeros((N, 2)))
     np.testing.assert_allclose(slope + curve, change, rtol=1e-9)
     np.testing.assert_allclose(slope, -2.0 * curve, rtol=1e-9)
@@ -121,7 +106,7 @@ def test_motors_that_do_the_same_at_hardly_any_cost_have_finite_steps() -> None:
     problem = problem._replace(
         by_torque=alike, curvature=np.zeros_like(problem.curvature), weights=np.full((2, 2), 1e-20)
     )
-    forward, gains, expected = swept(problem)
+    forward, gains, *_, expected = sweep(problem)
     assert np.isfinite(forward).all()
     assert np.isfinite(gains).all()
     assert expected[0] < 0.0
@@ -129,22 +114,12 @@ def test_motors_that_do_the_same_at_hardly_any_cost_have_finite_steps() -> None:
 
 def test_a_model_bent_downward_beyond_all_measure_has_finite_steps() -> None:
     """Its curvature by the torques is negative and of rank one to rounding, and far more than their own cost."""
-    step, gains, nothing = np.zeros(2), np.zeros((2, 3)), np.zeros((1, 1, 2))
+    step, gains, bounds = np.zeros(2), np.zeros((2, 3)), kernels.Bounds(np.ones(2), np.zeros(2))
     across = np.array([4565.14378166, -9380.57261558])
     bent = -np.outer(across, across) / across[0]
-    matrices = dict.fromkeys(("by_state", "by_torque", "hessian", "curvature"), nothing[None])
-    runs = kernels.Runs(
-        **matrices,
-        defects=nothing,
-        gradient=nothing,
-        torques=nothing,
-        weights=np.full((2, 2), 1e-15),
-        limits=np.ones(2),
-        regularisation=np.zeros(2),
-    )
     for size in 10.0 ** np.arange(0, 13):
         model = kernels.Quadratic(np.zeros(3), np.zeros((3, 3)), np.ones(2), size * bent, np.ones((2, 3)))
-        kernels.minimise(runs, np.zeros(2), model, np.zeros((2, 2)), step, gains)
+        kernels.minimise(np.full((2, 2), 1e-15), bounds, np.zeros(2), model, np.zeros((2, 2)), step, gains)
         assert np.isfinite(step).all()
         assert np.isfinite(gains).all()
 
@@ -153,7 +128,7 @@ def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
     problem = Linear.drawn(2)
     limits = np.full(2, 0.3)
     problem = problem._replace(torques=np.clip(problem.torques, -limits, limits))
-    forward, gains, _ = swept(problem, limits)
+    forward, gains, *_ = sweep(problem, limits)
     at = np.abs(problem.torques[1:] + forward)
     assert np.all(at <= limits + 1e-12)
     held = at >= limits - 1e-12
@@ -193,13 +168,9 @@ def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> No
 
 
 def test_runs_of_a_batch_do_not_depend_on_each_other() -> None:
-    drawn = [Linear.drawn(seed) for seed in range(3)]
-    drawn = [one._replace(weights=drawn[0].weights) for one in drawn]
-    tables = {name: np.stack([getattr(one, name) for one in drawn]) for name in Linear._fields if name != "weights"}
-    whole = sweep(Model(**tables, weights=drawn[0].weights), np.ones(2))
+    drawn = [Linear.drawn(seed)._replace(weights=Linear.drawn(0).weights) for seed in range(3)]
+    tables = Linear(*(np.stack(one) for one in zip(*drawn, strict=True)))
+    whole = sweep(tables._replace(weights=drawn[0].weights), np.ones(2))
     for n, one in enumerate(drawn):
-        alone = sweep(Model(**one._asdict()), np.ones(2))
-        np.testing.assert_array_equal(alone.forward, whole.forward[n])
-        np.testing.assert_array_equal(alone.gains, whole.gains[n])
-        np.testing.assert_array_equal(alone.cost_to_go.curvatures, whole.cost_to_go.curvatures[n])
-        np.testing.assert_array_equal(alone.expected, whole.expected[n])
+        for alone, own in zip(sweep(one, np.ones(2)), whole, strict=True):
+            np.testing.assert_array_equal(alone, own[n])
