@@ -5,7 +5,7 @@ from flexarm_baselines.optimal.linear_quadratic import AGGRESSIVE, GOOD, LinearQ
 from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Solution, SolverOptions, optimise
-from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_baselines.optimal.starts import Branch, along, follow, joint_path
 from flexarm_baselines.optimal.tracking import PlanRegulator
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Solution",
     "SolverOptions",
     "TrackingProblem",
+    "along",
     "follow",
     "joint_path",
     "lap_problem",

@@ -11,7 +11,7 @@ import numpy as np
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Solution, SolverOptions, optimise
-from flexarm_baselines.optimal.starts import Branch, both_sides, follow, joint_path
+from flexarm_baselines.optimal.starts import Branch, along, both_sides
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.physics.paths import PATHS
@@ -103,7 +103,7 @@ def plan_lap(
     for start in tried:
         cost = None
         with suppress(DivergingStartError):
-            found.append(optimise(problem, follow(problem, joint_path(problem, start)), trials, progress))
+            found.append(optimise(problem, along(problem, start), trials, progress))
             cost = found[-1].log[-1].cost
         notes.append({"branches": [branch._asdict() for branch in start], "cost": cost})
     if not found:

@@ -84,6 +84,11 @@ def _inverse_kinematics(problem: TrackingProblem, sign: float) -> Floats:
     return np.unwrap(np.array(pairs), axis=0)
 
 
+def along(problem: TrackingProblem, branches: Sequence[Branch]) -> Rollout:
+    """Run the arm along the reference on a sequence of branches; see `joint_path` and `follow`."""
+    return follow(problem, joint_path(problem, branches))
+
+
 def follow(problem: TrackingProblem, joints: Floats, damping: float = 0.1) -> Rollout:
     """Run the arm under a preview controller about a motion of its joints with straight links.
 

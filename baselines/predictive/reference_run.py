@@ -13,7 +13,7 @@ from flexarm_baselines.optimal.kernels import Model, Sweep
 from flexarm_baselines.optimal.laps import DEFLECTION
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import DEFLECTION_WEIGHT, TrackingProblem
-from flexarm_baselines.optimal.starts import SIDES, both_sides, follow, joint_path
+from flexarm_baselines.optimal.starts import SIDES, along, both_sides
 from flexarm_baselines.optimal.sweep import sweep
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import rest_state
@@ -115,7 +115,7 @@ def previewed(arm: FlexibleArm, reference: Floats, limits: tuple[float, float], 
     for side in SIDES:
         start = rest_state(arm, reference[0], side)
         problem = TrackingProblem(arm, start, reference, limits, deflection_limit=DEFLECTION, period=period)
-        runs = [follow(problem, joint_path(problem, way)) for way in both_sides(side, period)]
+        runs = [along(problem, way) for way in both_sides(side, period)]
         best = min(runs, key=lambda run: float(problem.cost(run)))
         plans.append(Plan(arm.parameters, *best, reference, limits, period, problem.step))
     return plans

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from flexarm_env.metrics.window import instants
+from flexarm_env.metrics.window import instants, rms
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import shown
 
@@ -56,7 +56,7 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
         raise ValueError(f"tip = {shown(tip)}: must be 'true' or 'rigid'")
     points = run.tip if tip == "true" else run.rigid_tip
     distance = np.linalg.norm(points - reference(run), axis=1)[instants(run.time, since, np.inf)]
-    return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()), early_end(run))
+    return TrackingError(rms(distance), float(distance.max()), early_end(run))
 
 
 def early_end(run: Trajectory) -> str | None:
@@ -129,5 +129,4 @@ def circle_fit(path: Array) -> CircleFit:
     solution, *_ = np.linalg.lstsq(system, np.sum(path**2, axis=1), rcond=None)
     centre = solution[:2]
     radius = float(np.sqrt(solution[2] + centre @ centre))
-    deviation = np.linalg.norm(path - centre, axis=1) - radius
-    return CircleFit(centre, radius, float(np.sqrt(np.mean(deviation**2))))
+    return CircleFit(centre, radius, rms(np.linalg.norm(path - centre, axis=1) - radius))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from flexarm_env import FlexibleArm, analysis
 from flexarm_env.analysis import OperatingPoint, linear_plant, tip
 from scripts.analysis.margins import GAINS, SENSORS
-from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, label_ends
+from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, label_ends, number_ticks
 
 COLORS = {"IFDC": INK, "FLSAC, largest": ORANGE, "FLSAC, smallest": BLUE}
 EXACT = "0.6"
@@ -164,9 +164,7 @@ def margins(results: dict[str, Any]) -> Figure:
     axes[1].set_xlabel("distance along a side of the square [m]; behind it, whole laps")
     axes[0].set_ylabel("delay margin [ms]")
     axes[0].set_ylim(0.08, 320)
-    ticks = [0.1, 0.3, 1, 3, 10, 30, 100]
-    axes[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes[0].set_yticks([], minor=True)
+    number_ticks(axes[0].yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2)
     headline(figure, "Delays from which on the paper's loop is unstable")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -53,7 +54,12 @@ def row(arm: FlexibleArm, sensor: str, delayed: str, controller: str) -> dict[st
     """Find the margins of one case; `controller` is a name in `GAINS`."""
     gain = GAINS[controller]
     found: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": controller, "gain": gain}
-    return found | {place: margins(loop(arm, at, sensor, delayed, gain)) for place, at in PLACES.items()}
+    return found | everywhere(lambda at: margins(loop(arm, at, sensor, delayed, gain)))
+
+
+def everywhere(find: Callable[[Any], Any]) -> dict[str, Any]:
+    """Find something at each of `PLACES`."""
+    return {place: find(at) for place, at in PLACES.items()}
 
 
 def margins(case: LawLoop) -> dict[str, Any]:
@@ -72,14 +78,12 @@ def margins(case: LawLoop) -> dict[str, Any]:
 
 def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
     """Find the delay margins of the linear arm by its modes: IFDC, late rates, sensor at the end effector."""
-    found = []
-    for count in modes:
-        arm = FlexibleArm(ArmParameters.linear(modes_per_link=count))
-        row: dict[str, Any] = {"modes": count}
-        for place, at in PLACES.items():
-            row[place] = delay_margin(loop(arm, at, "end effector", "position+rate", 1.0)).delay
-        found.append(row)
-    return found
+    arms = {count: FlexibleArm(ArmParameters.linear(modes_per_link=count)) for count in modes}
+    return [
+        {"modes": count}
+        | everywhere(lambda at, arm=arm: delay_margin(loop(arm, at, "end effector", "position+rate", 1.0)).delay)
+        for count, arm in arms.items()
+    ]
 
 
 def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -100,34 +104,25 @@ def profile(points: int, controllers: Sequence[str]) -> dict[str, Any]:
     shares = np.linspace(0.0, 0.5, points)
     at = path.position(shares * path.lap_time / 4.0)
     curves = []
-    for sensor in SENSORS:
-        for delayed in DELAYED:
-            for name in controllers:
-                values = [delay_margin(loop(arm, place, sensor, delayed, GAINS[name])).delay for place in at]
-                curves.append({"sensor": sensor, "delayed": delayed, "controller": name, "margin": values})
+    for sensor, delayed, name in product(SENSORS, DELAYED, controllers):
+        values = [delay_margin(loop(arm, place, sensor, delayed, GAINS[name])).delay for place in at]
+        curves.append({"sensor": sensor, "delayed": delayed, "controller": name, "margin": values})
     side = SquareParameters().side
     return {"arc": (shares * side).tolist(), "side": side, "curves": curves}
 
 
 def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[dict[str, Any]]:
     """Find the largest stable lambda: with late rates at the paper's delays, and on the true tip without delay."""
-    found = []
-    for title in arms:
-        for sensor in ("end effector", "0.5 m past the elbow"):
-            row: dict[str, Any] = {"what": f"{title}, late rates, {sensor}"}
-            for place, at in PLACES.items():
-                row[place] = largest(loop(FlexibleArm(ARMS[title]), at, sensor, "position+rate", 1.0))
-            found.append(row)
-    tip = SensorParameters(model="true", delay=0.0)
-    for modes in modes_per_link:
-        for damping in TIP_DAMPING:
-            clamped = unit_damping(ArmParameters.linear()).clamped_ratio
-            arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping / clamped))
-            row = {"what": f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"}
-            for place, at in PLACES.items():
-                row[place] = largest(law_loop(arm, at, tip))
-            found.append(row)
-    return found
+    cases: dict[str, Callable[[Any], LawLoop]] = {}
+    for title, sensor in product(arms, ("end effector", "0.5 m past the elbow")):
+        late = partial(loop, FlexibleArm(ARMS[title]), sensor=sensor, delayed="position+rate", gain=1.0)
+        cases[f"{title}, late rates, {sensor}"] = late
+    clamped = unit_damping(ArmParameters.linear()).clamped_ratio
+    for modes, damping in product(modes_per_link, TIP_DAMPING):
+        arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping / clamped))
+        tip = partial(law_loop, arm, sensor=SensorParameters(model="true", delay=0.0))
+        cases[f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"] = tip
+    return [{"what": what} | everywhere(lambda at, of=of: largest(of(at))) for what, of in cases.items()]
 
 
 def largest(case: LawLoop) -> float:

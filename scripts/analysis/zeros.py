@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis import (
     OperatingPoint,
-    joint_angles,
     linear_plant,
     link_zeros,
     sensitivity_peak,
@@ -20,7 +19,7 @@ from flexarm_env.analysis import (
     zeros,
 )
 
-ELBOW = 1.5  # [rad]; for straight links the zeros do not depend on it, which `spread` shows
+ELBOW = 1.5  # [rad]; for straight links the zeros do not depend on it
 LOOP_BANDWIDTH = float(np.sqrt(150.79))  # [rad/s]; of the paper's law on a unit mass (11)
 CORNER = (-6.3, 6.3)
 
@@ -28,12 +27,6 @@ CORNER = (-6.3, 6.3)
 def undamped(modes: int) -> FlexibleArm:
     """Make the linear arm with some number of modes, without damping."""
     return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
-
-
-def point_zeros(point: OperatingPoint, position: float) -> list[complex]:
-    """Return the zeros from the torques to a point of link 2 with Re >= 0 and Im >= 0."""
-    values = zeros(linear_plant(point, true_point(position))).values
-    return [complex(v) for v in values if v.real >= -1e-9 * abs(v) and v.imag >= 0.0]
 
 
 def upper_zeros(point: OperatingPoint, position: float) -> list[complex]:
@@ -58,19 +51,6 @@ def entries(arm: FlexibleArm) -> list[float]:
 def bent(arm: FlexibleArm, elbow: float = ELBOW) -> OperatingPoint:
     """Return the resting arm with an elbow angle [rad]."""
     return OperatingPoint.at_angles(arm, (0.0, elbow))
-
-
-def spread(modes: int) -> dict[str, float]:
-    """Measure how far the zeros move over elbow angles (relative), and how far joint-angle zeros leave the axis."""
-    arm = undamped(modes)
-    first = []
-    off_axis = 0.0
-    for elbow in np.linspace(0.2, 2.9, 10):
-        first.append(np.sort(np.abs(point_zeros(bent(arm, float(elbow)), 3.0))))
-        joints = zeros(linear_plant(bent(arm, float(elbow)), joint_angles())).values
-        off_axis = max(off_axis, float(np.abs(joints.real).max()))
-    moved = float((np.ptp(first, axis=0) / np.mean(first, axis=0)).max())
-    return {"over_elbow_angle": moved, "joint_angle_zeros_off_axis": off_axis}
 
 
 def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
@@ -132,5 +112,4 @@ def study(points: int = 400) -> dict[str, Any]:
     return {
         "by_model": by_model(models | damped | default),
         "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, points),
-        "spread": {str(m): spread(m) for m in counts},
     }

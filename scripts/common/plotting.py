@@ -80,6 +80,12 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def number_ticks(axis: Axis, ticks: Sequence[float]) -> None:
+    """Write numbers at some places of an axis, and nothing between them."""
+    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_ticks([], minor=True)
+
+
 def plot_median(axis: Axes, x: Any, several: Any, band: bool = True, **look: Any) -> float:
     """Draw the median of errors in millimetres over an axis, and the range from the best to the worst; gaps where lost.
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import TrackingProblem, follow, joint_path, lap_problem, usual_starts
+from flexarm_baselines.optimal import TrackingProblem, along, lap_problem, usual_starts
 from flexarm_env.laps import SETTLED
+from flexarm_env.metrics.window import rms
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.optimise.search import optimised
@@ -91,13 +92,13 @@ def best(change: Change) -> dict[str, Any]:
         r.m.s. and largest error after 2 s, largest deflection of a link [m], residual of optimality.
     """
     problem = changed_lap(change)
-    start = follow(problem, joint_path(problem, usual_starts("plain")[0]))
+    start = along(problem, usual_starts("plain")[0])
     found = optimised(problem, start, ITERATIONS, change.text)
     positions = found.run.states[:, : problem.arm.size]
     away = np.linalg.norm(problem.arm.tip(positions) - problem.reference, axis=1)[problem.time >= SETTLED]
     return {
         "change": change.text,
-        "true_tip_rms_after_2s": float(np.sqrt(np.mean(away**2))),
+        "true_tip_rms_after_2s": rms(away),
         "true_tip_max_after_2s": float(away.max()),
         "peak_deflection": float(np.abs(problem.arm.tip_deflection(positions)).max()),
         "residual": found.log[-1].residual,

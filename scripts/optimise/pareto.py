@@ -6,12 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexarm_baselines.optimal import Plan, lap_problem
 from flexarm_env.laps import SETTLED
+from flexarm_env.metrics.window import rms
 from flexarm_env.simulation.feedback import Rollout
-from scripts.optimise.score import efforts
+from scripts.optimise.score import efforts, tip_errors
 from scripts.optimise.search import improved
 
 WEIGHTS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4)  # [m^2]
@@ -48,11 +47,11 @@ def curve(plan: Plan, lap: str, path: str, folder: Path) -> list[dict[str, Any]]
 
 def _row(plan: Plan, weight: float) -> dict[str, Any]:
     """Collect the figures of a plan for a weight."""
-    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    away = tip_errors(plan)
     return {
         "change_weight": weight,
-        "true_tip_rms": float(np.sqrt(np.mean(away**2))),
-        "true_tip_rms_after_2s": float(np.sqrt(np.mean(away[plan.time >= SETTLED] ** 2))),
+        "true_tip_rms": rms(away),
+        "true_tip_rms_after_2s": rms(away[plan.time >= SETTLED]),
         **efforts(plan),
         "converged": plan.notes["converged"],
         "residual": plan.notes["log"]["residual"][-1],

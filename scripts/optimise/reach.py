@@ -10,11 +10,12 @@ import gymnasium
 import numpy as np
 
 import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_baselines.optimal import Branch, TrackingProblem, follow, joint_path
+from flexarm_baselines.optimal import Branch, TrackingProblem, along
 from flexarm_baselines.optimal.laps import OPTIONS
+from flexarm_env.metrics.window import rms
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.arm import FlexibleArm
-from scripts.optimise.score import efforts
+from scripts.optimise.score import efforts, tip_errors
 from scripts.optimise.search import improved
 
 PATH = "moves"  # name of its reference
@@ -49,26 +50,18 @@ def best(seed: int, folder: Path) -> dict[str, Any]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     problem = problem_of(seed)
-    start = partial(_follow, problem)
+    start = partial(along, problem, [Branch(0.0, SIDE)])
     plan = improved(problem, SIDE, start, ITERATIONS, folder / f"{seed}.npz").plan
-    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    away = tip_errors(plan)
     rests = np.all(plan.reference == np.roll(plan.reference, 1, axis=0), axis=1)
     log = plan.notes["log"]
     return {
         "seed": seed,
-        "true_tip_rms": _rms(away),
-        "true_tip_rms_at_rest": _rms(away[rests]),
+        "true_tip_rms": rms(away),
+        "true_tip_rms_at_rest": rms(away[rests]),
         "true_tip_max": float(away.max()),
         **efforts(plan),
         "converged": plan.notes["converged"],
         "residual": log["residual"][-1],
         "log": log,
     }
-
-
-def _follow(problem: TrackingProblem) -> Any:
-    return follow(problem, joint_path(problem, [Branch(0.0, SIDE)]))
-
-
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

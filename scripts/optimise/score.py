@@ -57,6 +57,11 @@ def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
     return {name: figures[name] for name in FIGURES} | efforts(plan)
 
 
+def tip_errors(plan: Plan) -> NDArray[np.float64]:
+    """Return the distance of the plan's tip from its reference at each instant [m]. Shape (n + 1,)."""
+    return np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+
+
 def efforts(plan: Plan) -> dict[str, Any]:
     """Return r.m.s. torques and their r.m.s. changes from period to period [N m]."""
     changes = np.diff(plan.torques, axis=0)

@@ -22,8 +22,7 @@ from flexarm_baselines.optimal import (
     PlanRegulator,
     SolverOptions,
     TrackingProblem,
-    follow,
-    joint_path,
+    along,
     lap_problem,
     lap_square,
     optimise,
@@ -117,7 +116,7 @@ def search(
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for sequence, branches in sequences(task.elbow_branch, task.lap_time, SIDES.get(path, 1)):
-        start = partial(_follow, problem, branches)
+        start = partial(along, problem, branches)
         with suppress(DivergingStartError):
             found.append(improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz"))
     if not found:
@@ -160,11 +159,6 @@ def _same_side(own: Plan, other: Plan) -> bool:
     return bool(np.sign(own.states[split, 1]) == np.sign(other.states[split, 1]))
 
 
-def _follow(problem: TrackingProblem, branches: list[Branch]) -> Rollout:
-    """Run the arm along a sequence of branches."""
-    return follow(problem, joint_path(problem, branches))
-
-
 def improved(
     problem: TrackingProblem,
     sequence: str,
@@ -196,9 +190,7 @@ def _earlier(path: Path, problem: TrackingProblem, settings: dict[str, Any]) -> 
     """Load a plan of an earlier run, if it is there and of these settings."""
     try:
         plan = Plan.load(path)
-    except FileNotFoundError:
-        return None
-    except ValueError:  # damaged, or of another version: made anew
+    except (FileNotFoundError, ValueError):  # none, damaged, or of another version: made anew
         return None
     same = plan.parameters == problem.arm.parameters and settings.items() <= plan.notes.items()
     return plan if same else None

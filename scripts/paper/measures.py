@@ -18,6 +18,7 @@ from flexarm_env.metrics import (
     tip_acceleration,
     vibration,
 )
+from flexarm_env.metrics.window import rms
 
 Array = NDArray[np.float64]
 
@@ -111,12 +112,8 @@ def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[
         distance = path_difference(run.rigid_tip, against.rigid_tip)
         near = (run.time > 1.75 * side) & (run.time < 2.75 * side)
         found[f"{controller}_{place}_{sensing}"] = {
-            "all": _rms(distance),
-            "top_right": _rms(distance[near]),
-            "rest": _rms(distance[~near]),
+            "all": rms(distance),
+            "top_right": rms(distance[near]),
+            "rest": rms(distance[~near]),
         }
     return found
-
-
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, headline
+from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, headline, number_ticks
 from scripts.paper.cases import SENSINGS
 from scripts.paper.figures import CONTROLLER, LINKS, STYLE
 
@@ -61,8 +61,7 @@ def _number_axis(axis: Axes, values: Sequence[float]) -> None:
     for value in sorted(set(values)):
         if not ticks or value > 1.6 * ticks[-1]:
             ticks.append(value)
-    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axis.set_xticks([], minor=True)
+    number_ticks(axis.xaxis, ticks)
 
 
 def alternatives(rows: Rows) -> Figure:
@@ -103,8 +102,7 @@ def true_tip_feedback(rows: Rows) -> Figure:
             whole = [r for r in mine if not r["ended_early"]]
             right.plot([r["value"] for r in whole], [r["true_tip_rms"] for r in whole], **look)
     left.set(ylabel="run lasts [s]", yscale="log", title="how long runs last (a lap: 16 s)")
-    left.set_yticks([0.05, 0.2, 1, 4, 16], ["0.05", "0.2", "1", "4", "16"])
-    left.set_yticks([], minor=True)
+    number_ticks(left.yaxis, [0.05, 0.2, 1, 4, 16])
     _number_axis(left, [r["value"] for r in rows if r["sweep"] == "true_tip_feedback"])
     whole_laps = [r for r in rows if r["sweep"] in TIP_SWEEPS and not r["ended_early"]]
     right.set(ylabel="r.m.s. error of the true tip [m]", ylim=(0, None), title="error of whole laps")

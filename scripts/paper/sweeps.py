@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,46 +42,18 @@ class Run:
     options: dict[str, Any] = field(default_factory=dict)
 
 
-def _over(values: Sequence[float], cases: Sequence[Case], make: Callable[[float, Case], dict[str, Any]]) -> list[Run]:
-    return [Run(v, case, **make(v, case)) for v in values for case in cases]
+def _cases(controller: str, sensings: Sequence[str], places: Sequence[str] = PLACES) -> list[Case]:
+    return [Case(controller, sensing, place) for place in places for sensing in sensings]
 
 
-def _constant_gain() -> list[Run]:
-    cases = [Case("constant", sensing, place) for place in PLACES for sensing in SENSINGS]
-    return _over(GAINS, cases, lambda v, _: {"policy": "ifdc", "gain": v})
-
-
-def _output_scale() -> list[Run]:
-    cases = [Case("flsac", sensing, "tip") for sensing in SENSINGS] + [Case("flsac", "nmp", "elbow")]
-    return _over(OUTPUT_SCALES, cases, lambda v, _: {"policy": {}, "gain": v})
-
-
-def _normaliser() -> list[Run]:
-    cases = [Case("flsac", sensing, place) for place in PLACES for sensing in ("collocated", "nmp")]
-    return _over(NORMALISERS, cases, lambda v, _: {"policy": {"K_n": v}})
-
-
-def _width_scale() -> list[Run]:
-    cases = [Case("flsac", sensing, place) for place in PLACES for sensing in ("collocated", "nmp")]
-    return _over(WIDTH_SCALES, cases, lambda v, _: {"policy": {"K_s": v, "scale": "width"}})
-
-
-def _alternatives(kind: str) -> list[Run]:
-    """List the runs with other readings of the law than the one adopted, with the end effector's sensor."""
-    runs = []
-    for controller in ("ifdc", "flsac"):
-        policy: str | dict[str, Any] = "ifdc" if controller == "ifdc" else {}
-        nmp = Case(controller, "nmp", "tip")
-        variants: dict[str, dict[str, Any]] = {
-            "adopted reading": {},
-            "command delayed per joint": {"compensation": "per_joint"},
-            "rates delayed too": {"delayed": "position+rate"},
-            "rates delayed too, by 1.2 ms only": {"delayed": "position+rate", "delay": SHORT_DELAY},
-        }
-        if kind == "current":
-            variants = {"rates through the current Jacobian": {}}
-        runs += [Run(name, nmp, policy, options=options) for name, options in variants.items()]
-    return runs
+def _alternatives(readings: dict[str, dict[str, Any]]) -> list[Run]:
+    """List the runs with readings of the law, the end effector's sensor, and each controller."""
+    policies: dict[str, str | dict[str, Any]] = {"ifdc": "ifdc", "flsac": {}}
+    return [
+        Run(name, Case(controller, "nmp", "tip"), policy, options=options)
+        for controller, policy in policies.items()
+        for name, options in readings.items()
+    ]
 
 
 def _true_tip(delay: str) -> list[Run]:
@@ -100,14 +72,22 @@ def _columns_for_true_tip(damping: Sequence[float] = TRUE_TIP_DAMPING) -> dict[s
     }
 
 
+READINGS: dict[str, dict[str, Any]] = {  # of the law
+    "adopted reading": {},
+    "command delayed per joint": {"compensation": "per_joint"},
+    "rates delayed too": {"delayed": "position+rate"},
+    "rates delayed too, by 1.2 ms only": {"delayed": "position+rate", "delay": SHORT_DELAY},
+}
+PAPER, LATE = {"paper": COLUMNS["paper"]}, _cases("flsac", ("collocated", "nmp"))
+SCALED = [*_cases("flsac", SENSINGS, ("tip",)), Case("flsac", "nmp", "elbow")]
 # name -> arms, and the runs made with each
 SWEEPS: dict[str, tuple[dict[str, Column], list[Run]]] = {
-    "constant_gain": ({"paper": COLUMNS["paper"]}, _constant_gain()),
-    "K_s": ({"paper": COLUMNS["paper"]}, _output_scale()),
-    "K_n": ({"paper": COLUMNS["paper"]}, _normaliser()),
-    "width_scale": ({"paper": COLUMNS["paper"]}, _width_scale()),
-    "alternatives": ({"paper": COLUMNS["paper"]}, _alternatives("plain")),
-    "current_jacobian": ({"paper": COLUMNS["paper"]}, _alternatives("current")),
+    "constant_gain": (PAPER, [Run(v, case, "ifdc", v) for v in GAINS for case in _cases("constant", SENSINGS)]),
+    "K_s": (PAPER, [Run(v, case, {}, v) for v in OUTPUT_SCALES for case in SCALED]),
+    "K_n": (PAPER, [Run(v, case, {"K_n": v}) for v in NORMALISERS for case in LATE]),
+    "width_scale": (PAPER, [Run(v, case, {"K_s": v, "scale": "width"}) for v in WIDTH_SCALES for case in LATE]),
+    "alternatives": (PAPER, _alternatives(READINGS)),
+    "current_jacobian": (PAPER, _alternatives({"rates through the current Jacobian": {}})),
     "true_tip_feedback": (_columns_for_true_tip(), _true_tip("none")),
     "late_true_tip_feedback": (_columns_for_true_tip((0.01,)), _true_tip("wave")),
 }

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from scripts.common.plotting import COLOURS, INK, SOFT, THRESHOLD, WIDTH, headline
+from scripts.common.plotting import COLOURS, INK, SOFT, THRESHOLD, WIDTH, headline, number_ticks
 from tests.validation import beams
 from tests.validation import finite_elements as fe
 from tests.validation.beams import Joints
@@ -271,7 +271,7 @@ def test_picture_of_convergence(page: Page) -> None:
     left.set(title="finite elements: 4th frequency", xlabel="elements a link", ylabel="relative error [1]")
     right.set(title="clamped-free shapes: 1st frequency", xlabel="modes a link", ylabel="frequency too high by [%]")
     for axis, ticks in ((left, MESHES), (right, (1, 2, 3, 4, 6, 8, 10))):
-        axis.set_xticks(list(ticks), [str(t) for t in ticks])
+        number_ticks(axis.xaxis, ticks)
         axis.minorticks_off()
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=3)
     headline(figure, "Errors of frequencies, by joints that are locked")

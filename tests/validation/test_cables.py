@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from flexarm_env.extras import install_command
-from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
+from flexarm_env.metrics.window import rms
+from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, number_ticks
 from tests.validation import recorded
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.motion import Motion, apart, rms
+from tests.validation.motion import Motion, apart
 
 pytest.importorskip(
     "exudyn",
@@ -101,7 +102,7 @@ def test_picture(page: Page) -> None:
     axis.text(2.0, 0.11, "threshold of the check", color=SOFT)
     axis.set(xlabel="elements a cable", ylabel="largest change of the tip [mm]")
     axis.set_title("How far the tip moves when Exudyn's cables have more elements")
-    axis.set_xticks([2, 3, 4, 6, 8, 12], ["2", "3", "4", "6", "8", "12"])
+    number_ticks(axis.xaxis, COARSER)
     axis.minorticks_off()
     axis.legend()
     page.picture(figure, "cables")

@@ -17,6 +17,7 @@ from flexarm_env.rollout import run_policy
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
+from flexarm_env.metrics.window import rms
 from scripts.common.plotting import COLOURS, INK, SOFT
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
@@ -36,7 +37,7 @@ from tests.validation.laps import (
     over_time,
     run_lap,
 )
-from tests.validation.motion import apart, rms
+from tests.validation.motion import apart
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline
+from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, number_ticks
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
 from tests.validation.motion import Model
@@ -239,7 +239,6 @@ def test_picture_by_step(page: Page) -> None:
     figure.legend(loc="outside lower left", ncol=3)
     axis.set(ylabel="energy: largest relative change [1]", xlabel="step [ms]")
     axis.set_title("Drift of energy over ten minutes by the integrator's step")
-    ticks = sorted({1e3 * case.step for case in UNDAMPED})
-    axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    number_ticks(axis.xaxis, sorted({1e3 * case.step for case in UNDAMPED}))
     axis.minorticks_off()
     page.picture(figure, "drift_step")

@@ -31,7 +31,7 @@ from flexarm_env import (
     square,
 )
 from flexarm_env.parameters import Kinematics
-from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline
+from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline, number_ticks
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.small_motion import rate
 
@@ -117,8 +117,7 @@ def test_picture(page: Page) -> None:
         axis.loglog(steps, height * steps**power, color=SOFT, linestyle=":")
         axis.annotate(f"order {power}", (steps[-1], height), xytext=(4, 0), textcoords="offset points", color=SOFT)
     axis.set(xlabel="step [ms]", ylabel="largest error / range [1]")
-    ticks = (0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0)
-    axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    number_ticks(axis.xaxis, (0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0))
     axis.minorticks_off()
     figure.legend(loc="outside lower left")
     headline(figure, "Errors of the integrators by their step, with the observed orders")

@@ -20,7 +20,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.step_error import HELD, SECONDS, TOLERANCE
-from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH
+from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, number_ticks
 from tests.validation.conftest import Check, Page, checked
 
 pytestmark = pytest.mark.validation
@@ -139,8 +139,7 @@ def test_picture(page: Page) -> None:
         ylabel="error of the tip after a second [mm]",
         title="Median error under full random torques; rings: the environments' default",
     )
-    ticks = (16, 20, 28, 40, 56, 80, 112)
-    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    number_ticks(axis.xaxis, (16, 20, 28, 40, 56, 80, 112))
     axis.minorticks_off()
     axis.set_xlim(14.0, 450.0)
     page.picture(figure, "steps")
