@@ -1,5 +1,6 @@
 """The paper's loop: its linear form, exact margins, an independent spectral method, and the simulation."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from flexarm_env.analysis.law_loop import rest_angles
 from tests.support.envs import vector
 from tests.support.loops import resting_at
 
-PAPER = FlexibleArm(ArmParameters.paper())
+PAPER, LINEAR = FlexibleArm(ArmParameters.paper()), FlexibleArm(ArmParameters.linear())
 CORNER, SIDE = (-6.3, -6.3), (-6.3, 0.0)
 DELAYED = ("position", "position+rate")
 
@@ -89,37 +90,28 @@ def test_every_corner_and_both_branches_have_the_same_margins() -> None:
 # --- margins --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("position", [4.5, 0.5])
-@pytest.mark.parametrize("delayed", DELAYED)
-@pytest.mark.parametrize("arm", [PAPER, FlexibleArm(ArmParameters.linear())], ids=["paper", "default"])
-def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
-    arm: FlexibleArm, position: float, delayed: str
-) -> None:
-    case = loop(delayed, position, arm)
-    margin = delay_margin(case)
-    root = delay_roots(case.with_delay(margin.delay), 50).rightmost
-    assert abs(root.real) < 1e-6 * abs(root)
-    assert abs(root.imag) == pytest.approx(margin.omega, rel=1e-6)
-    assert delay_roots(case.with_delay(0.97 * margin.delay), 50).rightmost.real < 0.0
-    assert delay_roots(case.with_delay(1.03 * margin.delay), 50).rightmost.real > 0.0
-
-
 @pytest.mark.parametrize("delayed", DELAYED)
 @pytest.mark.parametrize(
-    "options",
-    [{"position": s} for s in (0.3, 1.7, 2.4, 3.8, 4.1)] + [{"delay": (0.01, 0.0314)}, {"delay": (0.02, 0.0)}],
+    ("arm", "options"),
+    [
+        *((arm, {"position": position}) for arm in (PAPER, LINEAR) for position in (4.5, 0.5)),
+        *((PAPER, {"position": position}) for position in (0.3, 1.7, 2.4, 3.8, 4.1)),
+        (PAPER, {"delay": (0.01, 0.0314)}),
+        (PAPER, {"delay": (0.02, 0.0)}),
+    ],
 )
-def test_delay_margin_of_any_ratio_of_delays(options: dict[str, Any], delayed: str) -> None:
-    """Delays that are no multiples of one, an elbow later than the shoulder, an elbow that is not late.
+def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
+    arm: FlexibleArm, options: dict[str, Any], delayed: str
+) -> None:
+    """Of any ratio of delays: no multiples of one, an elbow later than the shoulder, an elbow that is not late.
 
     At 2.4 and 3.8 m a hardly damped root crosses within a part in a million of its frequency.
     """
-    case = law_loop(PAPER, CORNER, SensorParameters(delayed=delayed, **options))  # type: ignore[arg-type]
+    case = loop(delayed, arm=arm, **options)
     margin = delay_margin(case)
-    root = delay_roots(case.with_delay(margin.delay), 50).rightmost
-    assert abs(root.real) < 1e-6 * abs(root)
-    assert abs(root.imag) == pytest.approx(margin.omega, rel=1e-6)
-    below, above = (delay_roots(case.with_delay(share * margin.delay), 50).rightmost for share in (0.97, 1.03))
+    below, at, above = (delay_roots(case.with_delay(share * margin.delay), 50).rightmost for share in (0.97, 1.0, 1.03))
+    assert abs(at.real) < 1e-6 * abs(at)
+    assert abs(at.imag) == pytest.approx(margin.omega, rel=1e-6)
     assert below.real < 0.0 < above.real
 
 
@@ -132,12 +124,8 @@ def _polynomial_crossings(case: LawLoop, degree: int, longest: float, near: list
     omega = np.unique(np.concatenate([np.geomspace(0.5, 2e4, 8_000), fine], axis=None))
     terms = case.loop_terms(omega)
     unit = np.exp(2j * np.pi * np.arange(degree + 2) / (degree + 2))  # values on a circle give the coefficients
-    matrices = (
-        np.eye(2)
-        + terms[:, 0, None]
-        + unit[:, None, None] ** degree * terms[:, 1, None]
-        + unit[:, None, None] * terms[:, 2, None]
-    )
+    z = unit[:, None, None]
+    matrices = np.eye(2) + terms[:, 0, None] + z**degree * terms[:, 1, None] + z * terms[:, 2, None]
     coefficients = np.fft.fft(np.linalg.det(matrices), axis=1) / len(unit)
     companion = np.zeros((len(omega), degree + 1, degree + 1), dtype=complex)
     companion[:, 0] = -coefficients[:, 1:] / coefficients[:, :1]
@@ -206,13 +194,9 @@ def test_one_joint_has_the_textbook_margin() -> None:
 
 
 def test_the_papers_cases_are_stable_with_late_positions_and_unstable_with_late_rates() -> None:
-    for position in (4.5, 0.5):
-        for reference in (CORNER, SIDE):
-            for gain in (1 / 6, 1.0):
-                for delayed in DELAYED:
-                    sensor = SensorParameters(position=position, delayed=delayed)  # type: ignore[arg-type]
-                    case = law_loop(PAPER, reference, sensor, gain)
-                    assert is_stable(case) == (delayed == "position")
+    for position, reference, gain, delayed in product((4.5, 0.5), (CORNER, SIDE), (1 / 6, 1.0), DELAYED):
+        sensor = SensorParameters(position=position, delayed=delayed)  # type: ignore[arg-type]
+        assert is_stable(law_loop(PAPER, reference, sensor, gain)) == (delayed == "position")
 
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
@@ -266,16 +250,12 @@ def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None
 
 def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none() -> None:
     assert stable_gains(loop("position+rate")) == []
-    (interval,) = stable_gains(loop("position+rate", arm=FlexibleArm(ArmParameters.linear())))
-    high = interval.high
-    assert interval.low == 0.0
+    case = loop("position+rate", arm=LINEAR)
+    ((low, high),) = ((interval.low, interval.high) for interval in stable_gains(case))
+    assert low == 0.0
     assert high == pytest.approx(0.00295, rel=0.01)
-    case = loop("position+rate", arm=FlexibleArm(ArmParameters.linear()))
-    assert (
-        delay_roots(case.with_gain(0.98 * high), 60).rightmost.real
-        < 0.0
-        < delay_roots(case.with_gain(1.02 * high), 60).rightmost.real
-    )
+    below, above = (delay_roots(case.with_gain(share * high), 60).rightmost for share in (0.98, 1.02))
+    assert below.real < 0.0 < above.real
 
 
 def test_crossings_come_in_order_and_lie_on_the_axis() -> None:

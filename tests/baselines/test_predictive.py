@@ -167,10 +167,8 @@ def test_it_knows_that_the_tip_is_late() -> None:
     wrong = []
     for told in (task(), replace(task(), delay=0.0)):
         following = NMPC(told, plans=[plan()], horizon=0.1)
-        plant, state = Plant(START[None]), None
-        for _ in range(25):
-            action, state = following.predict(plant.observe(), state)
-            plant.step(action)
+        plant = Plant(START[None])
+        *_, (_, state) = plant.driven(following, 25)
         believed = state[4][0, :SIZE]
         wrong.append(np.linalg.norm(ARM.tip(believed[:4]) - ARM.tip(plant.states[0, :4])))
     assert wrong[0] < 2e-3
@@ -179,22 +177,17 @@ def test_it_knows_that_the_tip_is_late() -> None:
 
 def test_it_finds_an_unknown_payload_and_delay() -> None:
     following = controller(unknown={"payload_mass": 0.3, "delay": 0.01})
-    plant, state = Plant(START[None], delay=0.034, payload_mass=np.array([0.2])), None
-    for _ in range(PERIODS - 1):
-        action, state = following.predict(plant.observe(), state)
-        plant.step(action)
+    *_, (_, state) = Plant(START[None], delay=0.034, payload_mass=np.array([0.2])).driven(following, PERIODS - 1)
     assert state[4][0, SIZE] == pytest.approx(0.2, abs=0.05)
     assert state[4][0, SIZE + 1] == pytest.approx(0.034, abs=2e-3)
 
 
 def test_an_estimate_that_lost_its_numbers_begins_anew() -> None:
     following = controller(unknown=UNKNOWN)
-    plant, state = Plant(np.tile(START, (2, 1))), None
-    for k in range(8):
-        action, state = following.predict(plant.observe(), state)
+    plant = Plant(np.tile(START, (2, 1)))
+    for k, (action, state) in enumerate(plant.driven(following, 8)):
         assert np.isfinite(action).all()
         assert all(np.isfinite(part).all() for part in state)
-        plant.step(action)
         if k == 3:
             state[4][0] = np.nan
             state[5][0] = np.inf
@@ -238,10 +231,7 @@ def test_a_batch_is_its_arms() -> None:
     starts = START + np.array([[0.02, 0.01, 0, 0, 0, 0, 0, 0], [-0.01, 0.02, 0, 0, 0, 0, 0, 0]])
     following, single = controller(), []
     for start in starts:
-        plant, state = Plant(start[None]), None
-        for _ in range(6):
-            action, state = following.predict(plant.observe(), state)
-            plant.step(action)
+        *_, (action, _) = Plant(start[None]).driven(following, 6)
         single.append(action[0])
     plant, state = Plant(starts), None
     for _ in range(6):

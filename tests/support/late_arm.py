@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -65,12 +66,16 @@ class Plant:
         self.past, self.torques = [self.states, *self.past[:4]], [torque, *self.torques[:3]]
         self.period += 1
 
+    def driven(self, controller: Any, periods: int) -> Iterator[tuple[np.ndarray, Any]]:
+        """Yield action and state of each control period under a controller."""
+        state = None
+        for _ in range(periods):
+            action, state = controller.predict(self.observe(), state)
+            self.step(action)
+            yield action, state
+
 
 def off_plan(controller: Any, plant: Plant, planned: Plan) -> np.ndarray:
     """Run a lap but for its last period; return how far the arms are off the plan at each instant."""
-    state, off = None, []
-    for k in range(len(planned.torques) - 1):
-        action, state = controller.predict(plant.observe(), state)
-        plant.step(action)
-        off.append(plant.states - planned.states[k + 1])
-    return np.array(off)
+    states = [plant.states for _ in plant.driven(controller, len(planned.torques) - 1)]
+    return np.array(states) - planned.states[1:-1, None]

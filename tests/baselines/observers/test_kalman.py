@@ -1,12 +1,14 @@
 """The filter beside the arm that it models: exact without noise, consistent with it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from flexarm_baselines.observers import Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.observers import Estimate, Innovation, KalmanFilter, NoiseModel, Readings
 from flexarm_env import ArmParameters, FlexibleArm
 
 ARM = FlexibleArm(ArmParameters.linear())
@@ -58,16 +60,24 @@ class Plant:
         return np.asarray(ARM.tip(state[:, : ARM.size]))
 
 
+def filtered(
+    kalman: KalmanFilter, plant: Plant, periods: int, factor: float = 1.0, **quantities: np.ndarray
+) -> Iterator[tuple[Estimate, Innovation]]:
+    """Yield the estimate and the innovation of each period; the filter begins at rest."""
+    estimate = kalman.start(np.tile(REST, (len(plant.states), 1)))
+    for k in range(periods):
+        torque = np.tile(factor * torque_at(k), (len(plant.states), 1))
+        estimate, innovation = kalman.correct(kalman.predict(estimate, torque), plant.move(torque, **quantities))
+        yield estimate, innovation
+
+
 @settings(max_examples=15)
 @given(delay=st.one_of(st.sampled_from([0.0, 0.01, 0.03]), st.floats(1e-3, 0.08)))
 def test_without_noise_the_prediction_is_the_plant(delay: float) -> None:
     """Readings late by any fraction of a period leave nothing to correct, but for rounding."""
     kalman = KalmanFilter(ARM, PERIOD, delay)
     plant = Plant(kalman, np.tile(REST, (2, 1)), np.random.default_rng(0), noisy=0.0)
-    estimate = kalman.start(plant.states)
-    for k in range(15):
-        readings = plant.move(torque_at(k) * np.ones((2, 1)))
-        estimate, innovation = kalman.correct(kalman.predict(estimate, torque_at(k) * np.ones((2, 1))), readings)
+    for _, innovation in filtered(kalman, plant, 15):
         # the encoders are trusted to 1e-4 rad; rounding of 1e-12 is amplified by fast modes over 15 periods
         assert np.abs(innovation.residual).max() < 1e-9
 
@@ -77,11 +87,8 @@ def test_the_filter_is_consistent_where_its_model_is_right() -> None:
     random, runs, periods = np.random.default_rng(1), 60, 100
     kalman = KalmanFilter(ARM, PERIOD, 0.0312, noise=SMALL)
     plant = Plant(kalman, REST + start_deviations(SMALL) * random.normal(size=(runs, STATES)), random, noisy=1.0)
-    estimate = kalman.start(np.tile(REST, (runs, 1)))
     innovations, errors = [], []
-    for k in range(periods):
-        torque = np.tile(torque_at(k), (runs, 1))
-        estimate, innovation = kalman.correct(kalman.predict(estimate, torque), plant.move(torque))
+    for estimate, innovation in filtered(kalman, plant, periods):
         error = plant.states - kalman.state(estimate)
         inverse = np.linalg.solve(estimate.covariance[:, :STATES, :STATES], error[..., None])[..., 0]
         innovations.append(innovation.normalised)
@@ -96,12 +103,7 @@ def test_a_wrong_delay_shows_in_the_innovations() -> None:
     random, runs = np.random.default_rng(2), 20
     right, wrong = (KalmanFilter(ARM, PERIOD, delay, noise=SMALL) for delay in (0.0312, 0.0))
     plant = Plant(right, np.tile(REST, (runs, 1)), random, noisy=1.0)
-    estimate, found = wrong.start(plant.states), []
-    for k in range(60):
-        torque = np.tile(4.0 * torque_at(k), (runs, 1))
-        estimate, innovation = wrong.correct(wrong.predict(estimate, torque), plant.move(torque))
-        found.append(innovation.normalised)
-    assert np.mean(found) > 2.0 * 6
+    assert np.mean([innovation.normalised for _, innovation in filtered(wrong, plant, 60, factor=4.0)]) > 2.0 * 6
 
 
 def test_payload_and_stiffness_are_estimated_with_the_state() -> None:
@@ -109,13 +111,10 @@ def test_payload_and_stiffness_are_estimated_with_the_state() -> None:
     kalman = KalmanFilter(ARM, PERIOD, 0.0312, noise=SMALL, quantities={"payload_mass": 0.3, "stiffness": 0.2})
     truth = {"payload_mass": np.linspace(0.1, 0.8, runs), "stiffness": np.linspace(1.2, 0.85, runs)}
     plant = Plant(kalman, np.tile(REST, (runs, 1)), random, noisy=1.0)
-    estimate = kalman.start(plant.states)
-    before = kalman.values(estimate)
+    before = kalman.values(kalman.start(plant.states))
     assert (before["payload_mass"] == 0.0).all()
     assert (before["stiffness"] == 1.0).all()
-    for k in range(200):
-        torque = np.tile(torque_at(k), (runs, 1))
-        estimate, _ = kalman.correct(kalman.predict(estimate, torque), plant.move(torque, **truth))
+    *_, (estimate, _) = filtered(kalman, plant, 200, **truth)
     found = kalman.values(estimate)
     assert found["payload_mass"] == pytest.approx(truth["payload_mass"], abs=0.03)  # [kg]
     assert found["stiffness"] == pytest.approx(truth["stiffness"], abs=0.03)
