@@ -7,7 +7,7 @@ functions call nothing outside this file (`kept_on_disk`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,8 +44,8 @@ class Model(NamedTuple):
     hessian: Floats
     weights: Floats
     torques: Floats
-    defects: Floats | None = None
-    curvature: Floats | None = None
+    defects: Any = None
+    curvature: Any = None
 
 
 class Bounds(NamedTuple):

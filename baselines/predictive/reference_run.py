@@ -75,9 +75,14 @@ class ReferenceRun:
             tables = prolonged(plan.states, horizon), prolonged(plan.torques, horizon + 1)
             faded = _faded(found.gains, horizon + 1), _faded(found.slopes, horizon), _faded(found.curvatures, horizon)
             parts.append((*tables, *faded))
+        states, torques, gains, slopes, curvatures = (np.stack(part) for part in zip(*parts, strict=True))
         instants = len(problem.reference)
         return cls(
-            *(np.stack(part) for part in zip(*parts, strict=True)),
+            states,
+            torques,
+            gains,
+            slopes,
+            curvatures,
             reference=prolonged(problem.reference, horizon),
             tip_weights=_faded(np.full(instants, 1.0 / instants), horizon),
             torque_weights=problem.weights,

@@ -54,12 +54,12 @@ def row(arm: FlexibleArm, sensor: str, delayed: str, controller: str) -> dict[st
     """Find the margins of one case; `controller` is a name in `GAINS`."""
     gain = GAINS[controller]
     found: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": controller, "gain": gain}
-    return found | everywhere(lambda at: margins(loop(arm, at, sensor, delayed, gain)))
+    return found | everywhere(lambda at: loop(arm, at, sensor, delayed, gain), margins)
 
 
-def everywhere(find: Callable[[Any], Any]) -> dict[str, Any]:
-    """Find something at each of `PLACES`."""
-    return {place: find(at) for place, at in PLACES.items()}
+def everywhere(case: Callable[[Any], LawLoop], find: Callable[[LawLoop], Any]) -> dict[str, Any]:
+    """Find something of a case at each of `PLACES`."""
+    return {place: find(case(at)) for place, at in PLACES.items()}
 
 
 def margins(case: LawLoop) -> dict[str, Any]:
@@ -78,12 +78,12 @@ def margins(case: LawLoop) -> dict[str, Any]:
 
 def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
     """Find the delay margins of the linear arm by its modes: IFDC, late rates, sensor at the end effector."""
-    arms = {count: FlexibleArm(ArmParameters.linear(modes_per_link=count)) for count in modes}
-    return [
-        {"modes": count}
-        | everywhere(lambda at, arm=arm: delay_margin(loop(arm, at, "end effector", "position+rate", 1.0)).delay)
-        for count, arm in arms.items()
-    ]
+    found = []
+    for count in modes:
+        arm = FlexibleArm(ArmParameters.linear(modes_per_link=count))
+        late = partial(loop, arm, sensor="end effector", delayed="position+rate", gain=1.0)
+        found.append({"modes": count} | everywhere(late, lambda case: delay_margin(case).delay))
+    return found
 
 
 def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -122,7 +122,7 @@ def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[di
         arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping / clamped))
         tip = partial(law_loop, arm, sensor=SensorParameters(model="true", delay=0.0))
         cases[f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"] = tip
-    return [{"what": what} | everywhere(lambda at, of=of: largest(of(at))) for what, of in cases.items()]
+    return [{"what": what} | everywhere(case, largest) for what, case in cases.items()]
 
 
 def largest(case: LawLoop) -> float:
