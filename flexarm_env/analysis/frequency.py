@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.plant import Plant, poles
-from flexarm_env.validation import finite_array
+from flexarm_env.validation import finite_array, instance
 
 Array = NDArray[np.float64]
 
