@@ -43,17 +43,11 @@ _CHAIN = ("flexarm_env.chain.env",)
 
 
 class Cell(NamedTuple):
-    """An entry at a point.
+    """An entry at a point."""
 
-    Attributes:
-        entry: the policy that is measured.
-        point: where.
-        depends: all that the result depends on, as plain values.
-    """
-
-    entry: Entry
-    point: Point
-    depends: dict[str, Any]
+    entry: Entry  # the policy that is measured
+    point: Point  # where
+    depends: dict[str, Any]  # all that the result depends on, as plain values
 
     @classmethod
     def of(cls, entry: Entry, point: Point) -> Cell:

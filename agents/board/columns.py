@@ -20,36 +20,23 @@ PART = 16  # of them, in one cell
 
 
 class Episode(NamedTuple):
-    """An episode of a cell.
+    """An episode of a cell."""
 
-    Attributes:
-        lap: name of the lap; None: the environment begins it.
-        seed: of its reset.
-    """
-
-    lap: str | None
-    seed: int
+    lap: str | None  # name of the lap; None: the environment begins it
+    seed: int  # of its reset
 
 
 @dataclass(frozen=True)
 class Point:
-    """A value on an axis, or a task: an environment that differs from the nominal one, and episodes on it.
+    """A value on an axis, or a task: an environment that differs from the nominal one, and episodes on it."""
 
-    Attributes:
-        value: number in the column's unit, or a name.
-        options: options of the environment that differ.
-        arm: fields of the arm that differ.
-        task: a name in `terms.TASKS`.
-        seeds: numbers of its seeds; both laps are run with each, or, where `paired` is False, the laps take turns.
-        paired: see `seeds`.
-    """
-
-    value: float | str
-    options: Mapping[str, Any] = field(default_factory=dict)
-    arm: Mapping[str, Any] = field(default_factory=dict)
-    task: str = "square"
+    value: float | str  # number in the column's unit, or a name
+    options: Mapping[str, Any] = field(default_factory=dict)  # options of the environment that differ
+    arm: Mapping[str, Any] = field(default_factory=dict)  # fields of the arm that differ
+    task: str = "square"  # a name in `terms.TASKS`
+    # Numbers of its seeds; both laps are run with each, or, where `paired` is False, the laps take turns
     seeds: range = range(1)
-    paired: bool = True
+    paired: bool = True  # see `seeds`
 
     @property
     def episodes(self) -> tuple[Episode, ...]:
@@ -67,21 +54,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the board.
+    """A column of the board."""
 
-    Attributes:
-        title: heading.
-        unit: unit of the points' values.
-        points: its points, in order.
-        nominal: value of the nominal environment, one of the points' or between two; None: there is none.
-        sample: the points are parts of one sample, which is added up as a whole.
-    """
-
-    title: str
-    unit: str
-    points: tuple[Point, ...]
+    title: str  # heading
+    unit: str  # unit of the points' values
+    points: tuple[Point, ...]  # its points, in order
+    # Value of the nominal environment, one of the points' or between two; None: there is none
     nominal: float | str | None = None
-    sample: bool = False
+    sample: bool = False  # the points are parts of one sample, which is added up as a whole
 
     @property
     def nominal_index(self) -> int:

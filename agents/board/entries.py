@@ -30,24 +30,18 @@ _BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
 
 @dataclass(frozen=True)
 class Entry:
-    """A policy of the board as plain values, from which any machine makes the same policy.
+    """A policy of the board as plain values, from which any machine makes the same policy."""
 
-    Attributes:
-        source: name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz
-            file; "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`.
-        name: shown in tables; "": the source, of a file or folder its name.
-        environment: id of the environment that observation and action are those of, for module:attribute and models.
-        options: options of that environment which an entry may choose (`environments.INTERFACE`).
-        algorithm: class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`.
-        vec_normalize: file of its statistics, see there.
-    """
-
+    # Name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz file;
+    # "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`
     source: str
-    name: str = ""
+    name: str = ""  # shown in tables; "": the source, of a file or folder its name
+    # Id of the environment that observation and action are those of, for module:attribute and models
     environment: str = SQUARE
+    # Options of that environment which an entry may choose (`environments.INTERFACE`)
     options: Mapping[str, Any] = field(default_factory=dict)
-    algorithm: str | None = None
-    vec_normalize: str = ""
+    algorithm: str | None = None  # class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`
+    vec_normalize: str = ""  # file of its statistics, see there
 
     def __post_init__(self) -> None:
         """Check the id, the options and the name."""
@@ -98,23 +92,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How an entry's policy is made.
+    """How an entry's policy is made."""
 
-    Attributes:
-        interface: options of its environments that are its own.
-        make: makes the policy for an environment.
-        label: what identifies it beside its code and files.
-        files: its data.
-        modules: names of modules beside that of its class.
-        config: configuration of its training; None for others.
-    """
-
-    interface: dict[str, Any]
-    make: Callable[[gymnasium.Env[Any, Any]], Any]
-    label: dict[str, str] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
-    modules: tuple[str, ...] = ()
-    config: dict[str, Any] | None = None
+    interface: dict[str, Any]  # options of its environments that are its own
+    make: Callable[[gymnasium.Env[Any, Any]], Any]  # makes the policy for an environment
+    label: dict[str, str] = field(default_factory=dict)  # what identifies it beside its code and files
+    files: tuple[Path, ...] = ()  # its data
+    modules: tuple[str, ...] = ()  # names of modules beside that of its class
+    config: dict[str, Any] | None = None  # configuration of its training; None for others
 
 
 @lru_cache(maxsize=64)

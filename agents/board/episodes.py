@@ -40,17 +40,11 @@ _RECORDED = ("time", "state", "true_tip", "reference", "torque")
 
 
 class _Call(NamedTuple):
-    """Episodes whose actions a policy chooses in one call.
+    """Episodes whose actions a policy chooses in one call."""
 
-    Attributes:
-        lanes: which of the batch.
-        predict: the policy.
-        single: the policy takes one observation, not a batch of one.
-    """
-
-    lanes: slice
-    predict: Predictor
-    single: bool
+    lanes: slice  # which of the batch
+    predict: Predictor  # the policy
+    single: bool  # the policy takes one observation, not a batch of one
 
     def choose(
         self, observations: NDArray[np.float32], matrix: Array | None, memory: Any, start: NDArray[np.bool_]

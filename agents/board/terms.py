@@ -19,19 +19,13 @@ _BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_lim
 
 
 class BoardTask(NamedTuple):
-    """A task that entries are measured on.
+    """A task that entries are measured on."""
 
-    Attributes:
-        environment: id of the environment that it is made with; its options say the rest.
-        options: options in which it differs from `FlexArm/Square-v0`.
-        laps: names of the laps that its episodes are (`flexarm_env.laps.LAPS`); (None,): the environment begins them.
-        hosted: whether another engine has the arm; controllers are then made for the nominal arm.
-    """
-
-    environment: str = SQUARE
-    options: Mapping[str, Any] = {}
+    environment: str = SQUARE  # id of the environment that it is made with; its options say the rest
+    options: Mapping[str, Any] = {}  # options in which it differs from `FlexArm/Square-v0`
+    # Names of the laps that its episodes are (`flexarm_env.laps.LAPS`); (None,): the environment begins them
     laps: tuple[str | None, ...] = tuple(LAPS)
-    hosted: bool = False
+    hosted: bool = False  # whether another engine has the arm; controllers are then made for the nominal arm
 
 
 TASKS: dict[str, BoardTask] = {

@@ -29,19 +29,12 @@ LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where action
 
 
 class Figures(NamedTuple):
-    """What a window came to.
+    """What a window came to."""
 
-    Attributes:
-        cost: mean of its periods [m].
-        error: r.m.s. distance of the tip from the reference [m].
-        norm: of the gradient, before it is limited.
-        lost: episodes that ended early.
-    """
-
-    cost: float
-    error: float
-    norm: float
-    lost: float
+    cost: float  # mean of its periods [m]
+    error: float  # r.m.s. distance of the tip from the reference [m]
+    norm: float  # of the gradient, before it is limited
+    lost: float  # episodes that ended early
 
 
 class Learner:

@@ -40,57 +40,34 @@ NUMBERS = 8  # on which features depend: two joint angles, two rates, the readin
 
 
 class Seen(NamedTuple):
-    """Inputs of an observation that depend on the arm and its sensors, at some instants.
+    """Inputs of an observation that depend on the arm and its sensors, at some instants."""
 
-    Attributes:
-        states: of the arms. Shape (..., 4 + 4 m).
-        readings: latest ones of the sensor on link 2 [m]. Shape (..., 2).
-        earlier: those a control period before [m]. Shape (..., 2).
-        actions: past ones, the newest first. Shape (..., actions, 2).
-    """
-
-    states: Floats
-    readings: Floats
-    earlier: Floats
-    actions: Floats
+    states: Floats  # of the arms. Shape (..., 4 + 4 m)
+    readings: Floats  # latest ones of the sensor on link 2 [m]. Shape (..., 2)
+    earlier: Floats  # those a control period before [m]. Shape (..., 2)
+    actions: Floats  # past ones, the newest first. Shape (..., actions, 2)
 
 
 class Task(NamedTuple):
-    """Inputs of an observation that depend on the task alone, in the world's frame.
+    """Inputs of an observation that depend on the task alone, in the world's frame."""
 
-    Attributes:
-        reference: position [m] and velocity [m/s]. Shape (..., 4).
-        aim: joint angles and rates of the rigid arm on the reference. Shape (..., 4).
-        present_aim: the same with the elbow on its present side. Shape (..., 4).
-        sensor_reference: where the tip should have been at the time of the reading [m]. Shape (..., 2).
-        sensor_velocity: how that changes between two readings [m/s]. Shape (..., 2).
-        previews: how far the reference will have moved [m]. Shape (..., 2 per horizon).
-        clock: cosine and sine of the lap's phase, the episode's time [s], and its parameters. Shape (..., 3 + k).
-    """
-
-    reference: Floats
-    aim: Floats
-    present_aim: Floats
-    sensor_reference: Floats
-    sensor_velocity: Floats
-    previews: Floats
+    reference: Floats  # position [m] and velocity [m/s]. Shape (..., 4)
+    aim: Floats  # joint angles and rates of the rigid arm on the reference. Shape (..., 4)
+    present_aim: Floats  # the same with the elbow on its present side. Shape (..., 4)
+    sensor_reference: Floats  # where the tip should have been at the time of the reading [m]. Shape (..., 2)
+    sensor_velocity: Floats  # how that changes between two readings [m/s]. Shape (..., 2)
+    previews: Floats  # how far the reference will have moved [m]. Shape (..., 2 per horizon)
+    # Cosine and sine of the lap's phase, the episode's time [s], and its parameters. Shape (..., 3 + k)
     clock: Floats
 
 
 class Instant(NamedTuple):
-    """An instant at which the arm's point is read for a late reading of the sensor on link 2.
+    """An instant at which the arm's point is read for a late reading of the sensor on link 2."""
 
-    Attributes:
-        periods: so many control periods before the one that begins when the reading arrives; 0: it begins then.
-        substeps: integration steps from the beginning of that earlier period to the instant.
-        position: weight of the point's position.
-        rate: weight of its velocity [s].
-    """
-
-    periods: int
-    substeps: int
-    position: float
-    rate: float
+    periods: int  # so many control periods before the one that begins when the reading arrives; 0: it begins then
+    substeps: int  # integration steps from the beginning of that earlier period to the instant
+    position: float  # weight of the point's position
+    rate: float  # weight of its velocity [s]
 
 
 def instants(settings: Settings) -> tuple[Instant, ...]:

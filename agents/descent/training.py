@@ -20,17 +20,11 @@ from flexarm_agents.training.warm_start import check_curriculum
 
 
 class Candidate(NamedTuple):
-    """A policy after its trial.
+    """A policy after its trial."""
 
-    Attributes:
-        rank: of its last evaluation, smaller is better.
-        driver: of its batch.
-        learner: of its networks.
-    """
-
-    rank: tuple[int, float]
-    driver: Driver
-    learner: Learner
+    rank: tuple[int, float]  # of its last evaluation, smaller is better
+    driver: Driver  # of its batch
+    learner: Learner  # of its networks
 
 
 class FOPGTraining(Rounds):

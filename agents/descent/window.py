@@ -28,35 +28,22 @@ class Window(NamedTuple):
     """T control periods of n arms. Instant t is the beginning of period t; the last one is the end of the last period.
 
     At an instant at which an episode begins, all is that of the new one.
-
-    Attributes:
-        observations: at each instant. Shape (T + 1, n, k).
-        states: at each instant. Shape (T + 1, n, 4 + 4 m).
-        readings: latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2).
-        ages: control periods since the episode began. Shape (T + 1, n).
-        output: of the network, disturbed. Shape (T, n, 2).
-        actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
-        earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
-        after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one
-            before. Shape (T, n, 4 + 4 m).
-        references: where the tip should be then [m]. Shape (T, n, 2).
-        last: observations then. Shape (T, n, k).
-        ended: the episode ends with the period. Shape (T, n).
-        lost: and not because of its time limit. Shape (T, n).
     """
 
-    observations: Singles
-    states: Floats
-    readings: Floats
-    ages: NDArray[np.int64]
-    output: Floats
-    actions: Singles
-    earlier: Singles
+    observations: Singles  # at each instant. Shape (T + 1, n, k)
+    states: Floats  # at each instant. Shape (T + 1, n, 4 + 4 m)
+    readings: Floats  # latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2)
+    ages: NDArray[np.int64]  # control periods since the episode began. Shape (T + 1, n)
+    output: Floats  # of the network, disturbed. Shape (T, n, 2)
+    actions: Singles  # what is done: that, limited to [-1, 1]. Shape (T, n, 2)
+    earlier: Singles  # action of the period before, 0 where an episode begins. Shape (T, n, 2)
+    # States at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one before.
+    # Shape (T, n, 4 + 4 m)
     after: Floats
-    references: Floats
-    last: Singles
-    ended: Flags
-    lost: Flags
+    references: Floats  # where the tip should be then [m]. Shape (T, n, 2)
+    last: Singles  # observations then. Shape (T, n, k)
+    ended: Flags  # the episode ends with the period. Shape (T, n)
+    lost: Flags  # and not because of its time limit. Shape (T, n)
 
 
 def usable(states: Floats, before: Floats) -> Floats:
@@ -125,23 +112,14 @@ class Driver:
 
 
 class Costs(NamedTuple):
-    """Costs of the periods of a window.
+    """Costs of the periods of a window."""
 
-    Attributes:
-        total: Shape (T, n).
-        by_after: derivatives by the states at the ends of the periods. Shape (T, n, 4 + 4 m).
-        by_output: by the network's output, apart from the action. Shape (T, n, 2).
-        by_action: by the action. Shape (T, n, 2).
-        by_earlier: by the action of the period before. Shape (T, n, 2).
-        errors: distances of the tip from the reference at the ends of the periods [m]. Shape (T, n).
-    """
-
-    total: Floats
-    by_after: Floats
-    by_output: Floats
-    by_action: Floats
-    by_earlier: Floats
-    errors: Floats
+    total: Floats  # Shape (T, n)
+    by_after: Floats  # derivatives by the states at the ends of the periods. Shape (T, n, 4 + 4 m)
+    by_output: Floats  # by the network's output, apart from the action. Shape (T, n, 2)
+    by_action: Floats  # by the action. Shape (T, n, 2)
+    by_earlier: Floats  # by the action of the period before. Shape (T, n, 2)
+    errors: Floats  # distances of the tip from the reference at the ends of the periods [m]. Shape (T, n)
 
 
 def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:

@@ -26,24 +26,15 @@ STATISTICS = ("*vec*normalize*.pkl", "*/vecnormalize.pkl")  # where trainings le
 
 
 class Candidate(NamedTuple):
-    """A policy and the environment that it is scored on.
+    """A policy and the environment that it is scored on."""
 
-    Attributes:
-        name: as it was given.
-        policy: as `run_policy` takes it.
-        env: its environment.
-        environment: id of that.
-        options: options of the environment, where they differ from the id's own.
-        config: configuration of the training that it comes from, None for others.
-        plant: those of the options that are not a policy's own (`flexarm_agents.environments.INTERFACE`).
-    """
-
-    name: str
-    policy: Any
-    env: gymnasium.Env[Any, Any]
-    environment: str
-    options: dict[str, Any]
-    config: dict[str, Any] | None = None
+    name: str  # as it was given
+    policy: Any  # as `run_policy` takes it
+    env: gymnasium.Env[Any, Any]  # its environment
+    environment: str  # id of that
+    options: dict[str, Any]  # options of the environment, where they differ from the id's own
+    config: dict[str, Any] | None = None  # configuration of the training that it comes from, None for others
+    # Those of the options that are not a policy's own (`flexarm_agents.environments.INTERFACE`)
     plant: Options = MappingProxyType({})
 
     @property

@@ -15,15 +15,10 @@ LOG = "failures.log"
 
 
 class Failure(NamedTuple):
-    """A job that failed.
+    """A job that failed."""
 
-    Attributes:
-        job: its name, e.g. of a row of the board, or the folder of a training.
-        error: what it raised.
-    """
-
-    job: str
-    error: BaseException
+    job: str  # its name, e.g. of a row of the board, or the folder of a training
+    error: BaseException  # what it raised
 
     def __str__(self) -> str:
         """Say what failed, and why, in one line."""

@@ -70,16 +70,11 @@ class PastReadings(Encoder):
     """The present observation, followed by some of its numbers at earlier steps; an `Encoder`.
 
     Before an episode's first observation, all readings are taken to be equal to the first.
-
-    Attributes:
-        size: length of an observation.
-        lags: ages of the past readings [steps], increasing.
-        remembered: indices of the numbers in an observation, increasing.
     """
 
-    size: int
-    lags: tuple[int, ...]
-    remembered: tuple[int, ...]
+    size: int  # length of an observation
+    lags: tuple[int, ...]  # ages of the past readings [steps], increasing
+    remembered: tuple[int, ...]  # indices of the numbers in an observation, increasing
 
     def __post_init__(self) -> None:
         """Check the entries, their range and their order."""

@@ -17,17 +17,11 @@ from flexarm_env.validation import real_array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lstm(Encoder):
-    """A layer of long short-term memory; an `Encoder`, whose outputs are the network's inputs.
+    """A layer of long short-term memory; an `Encoder`, whose outputs are the network's inputs."""
 
-    Attributes:
-        lstm_input: weights of the observation. Shape (4 h, k).
-        lstm_memory: weights of the previous outputs. Shape (4 h, h).
-        lstm_bias: Shape (4 h,).
-    """
-
-    lstm_input: Array
-    lstm_memory: Array
-    lstm_bias: Array
+    lstm_input: Array  # weights of the observation. Shape (4 h, k)
+    lstm_memory: Array  # weights of the previous outputs. Shape (4 h, h)
+    lstm_bias: Array  # Shape (4 h,)
     ARRAYS: ClassVar[tuple[str, ...]] = ("lstm_input", "lstm_memory", "lstm_bias")
 
     def __repr__(self) -> str:

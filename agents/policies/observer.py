@@ -36,23 +36,14 @@ def check_observed(settings: Settings) -> None:
 
 
 class Parts(NamedTuple):
-    """What an observer works with.
+    """What an observer works with."""
 
-    Attributes:
-        filter: the Kalman filter.
-        settings: of the environment.
-        blocks: where each block lies in an observation.
-        scale: divisor of each number of an observation. Shape (k,).
-        seen: numbers of an observation that the network sees.
-        estimated: divisor of each number of the estimate that it sees.
-    """
-
-    filter: KalmanFilter
-    settings: Settings
-    blocks: dict[str, slice]
-    scale: Floats
-    seen: list[int]
-    estimated: Floats
+    filter: KalmanFilter  # the Kalman filter
+    settings: Settings  # of the environment
+    blocks: dict[str, slice]  # where each block lies in an observation
+    scale: Floats  # divisor of each number of an observation. Shape (k,)
+    seen: list[int]  # numbers of an observation that the network sees
+    estimated: Floats  # divisor of each number of the estimate that it sees
 
 
 @dataclass(frozen=True)
@@ -61,16 +52,11 @@ class Observer(Encoder):
 
     The network sees the observation without `FILTERED`, then estimates of the tip's error and its rate, in the frame
     of the observation, of the modal coordinates and of their rates.
-
-    Attributes:
-        kind: "nominal", or "delay": the filter estimates the late sensor's delay with the state.
-        environment: id of the environment whose nominal arm, sensor and period the filter has.
-        options: options of that environment.
     """
 
-    kind: str
-    environment: str
-    options: dict[str, Any] = field(default_factory=dict, repr=False)
+    kind: str  # "nominal", or "delay": the filter estimates the late sensor's delay with the state
+    environment: str  # id of the environment whose nominal arm, sensor and period the filter has
+    options: dict[str, Any] = field(default_factory=dict, repr=False)  # options of that environment
     ARRAYS: ClassVar[tuple[str, ...]] = ("observer_scale",)
     knows: ClassVar[tuple[str, ...]] = ("plant parameters",)
 

@@ -20,21 +20,13 @@ BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
 
 
 class Rollout(NamedTuple):
-    """Samples of n arms over T control periods, one period after the other.
+    """Samples of n arms over T control periods, one period after the other."""
 
-    Attributes:
-        observations: Shape (T * n, k).
-        ages: control periods since the arm's episode began. Shape (T * n,).
-        answers: what the teacher would have done. Shape (T * n, 2).
-        weights: of the samples in the fit. Shape (T * n,).
-        lost: episodes that ended early.
-    """
-
-    observations: Array
-    ages: NDArray[np.int64]
-    answers: Array
-    weights: Array
-    lost: int
+    observations: Array  # Shape (T * n, k)
+    ages: NDArray[np.int64]  # control periods since the arm's episode began. Shape (T * n,)
+    answers: Array  # what the teacher would have done. Shape (T * n, 2)
+    weights: Array  # of the samples in the fit. Shape (T * n,)
+    lost: int  # episodes that ended early
 
 
 def run_rollout(

@@ -41,15 +41,10 @@ NEEDED = {"action_mode": "torque", "reference": ("square",), "direction": "clock
 
 
 class Pupils(NamedTuple):
-    """Arms that the teacher drives, with what it may know of them.
+    """Arms that the teacher drives, with what it may know of them."""
 
-    Attributes:
-        lap: index of the lap that each runs, in the order of `LAPS`. Shape (n,).
-        parameters: quantities of their episodes, as `Episode` has them. Shape (n,) each.
-    """
-
-    lap: Indices
-    parameters: Mapping[str, Floats]
+    lap: Indices  # index of the lap that each runs, in the order of `LAPS`. Shape (n,)
+    parameters: Mapping[str, Floats]  # quantities of their episodes, as `Episode` has them. Shape (n,) each
 
 
 class Teacher:
@@ -124,21 +119,13 @@ def _bracket(grid: Floats, values: Floats) -> list[tuple[Indices, Floats]]:
 
 
 class Bank(NamedTuple):
-    """Plans and regulators of all plants of a grid, for both laps.
+    """Plans and regulators of all plants of a grid, for both laps."""
 
-    Attributes:
-        payloads: of the grid [kg]. Shape (p,).
-        stiffnesses: of the grid, as factors. Shape (s,).
-        states: by lap, payload, stiffness. Shape (2, p, s, n + 1, 4 + 4 m).
-        torques: [N m]. Shape (2, p, s, n, 2).
-        gains: of feedback on the state's deviation [N m/x]. Shape (2, p, s, n, 2, 4 + 4 m).
-    """
-
-    payloads: Floats
-    stiffnesses: Floats
-    states: Floats
-    torques: Floats
-    gains: Floats
+    payloads: Floats  # of the grid [kg]. Shape (p,)
+    stiffnesses: Floats  # of the grid, as factors. Shape (s,)
+    states: Floats  # by lap, payload, stiffness. Shape (2, p, s, n + 1, 4 + 4 m)
+    torques: Floats  # [N m]. Shape (2, p, s, n, 2)
+    gains: Floats  # of feedback on the state's deviation [N m/x]. Shape (2, p, s, n, 2, 4 + 4 m)
 
 
 def bank(

@@ -32,24 +32,15 @@ WORST = (2**31, 0.0)  # a rank that every evaluation beats
 
 @dataclass(kw_only=True)
 class TrainingProgress:
-    """What a training found so far, and when the next evaluation and checkpoint are due.
+    """What a training found so far, and when the next evaluation and checkpoint are due."""
 
-    Attributes:
-        rows: rows of the evaluations.
-        best: index of the best row, None before the first.
-        best_rank: rank of that row, see `scoring.rank`.
-        seconds: wall time of the training, compiling and evaluations included, in this process and those
-            before [s].
-        next_evaluation: steps at which it is due; None before the first.
-        next_checkpoint: steps at which it is due; None before the first.
-    """
-
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    best: int | None = None
-    best_rank: tuple[int, float] = WORST
+    rows: list[dict[str, Any]] = field(default_factory=list)  # rows of the evaluations
+    best: int | None = None  # index of the best row, None before the first
+    best_rank: tuple[int, float] = WORST  # rank of that row, see `scoring.rank`
+    # Wall time of the training, compiling and evaluations included, in this process and those before [s]
     seconds: float = 0.0
-    next_evaluation: int | None = None
-    next_checkpoint: int | None = None
+    next_evaluation: int | None = None  # steps at which it is due; None before the first
+    next_checkpoint: int | None = None  # steps at which it is due; None before the first
 
     @property
     def state(self) -> str:

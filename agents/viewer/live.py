@@ -32,17 +32,11 @@ OPTIONS: dict[str, Any] = {
 
 
 class Knobs(NamedTuple):
-    """What can be moved.
+    """What can be moved."""
 
-    Attributes:
-        delay: of the sensor [s].
-        place: of the sensor, from the elbow along link 2 [m].
-        gain: lambda of the law.
-    """
-
-    delay: float = 0.03
-    place: float = 4.5
-    gain: float = 1.0
+    delay: float = 0.03  # of the sensor [s]
+    place: float = 4.5  # of the sensor, from the elbow along link 2 [m]
+    gain: float = 1.0  # lambda of the law
 
 
 class LiveArm:

@@ -26,25 +26,17 @@ KEYS = ("drag, or Tab and the arrow keys", "space pauses, R begins a lap", "Esc 
 
 @dataclass
 class Slider:
-    """A knob on the screen.
+    """A knob on the screen."""
 
-    Attributes:
-        name: of the knob.
-        unit: in which it is shown.
-        scale: from the knob's unit, that of `least`, `most` and `step`, to that one.
-        step: of the arrow keys.
-        y: height of its line [px].
-    """
-
-    name: str
+    name: str  # of the knob
     text: str
-    unit: str
-    scale: float
+    unit: str  # in which it is shown
+    scale: float  # from the knob's unit, that of `least`, `most` and `step`, to that one
     least: float
     most: float
-    step: float
+    step: float  # of the arrow keys
     color: Color
-    y: int
+    y: int  # height of its line [px]
 
     def place(self, value: float) -> float:
         """Return where a value is [px]."""

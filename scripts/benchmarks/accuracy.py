@@ -27,19 +27,12 @@ RK4_LIMIT = 2.5  # step times the fastest rate; 2.78 for small motions
 
 @dataclass(frozen=True)
 class EqualStep:
-    """A step of the chain.
+    """A step of the chain."""
 
-    Attributes:
-        integrator: MuJoCo's name of it.
-        step: [s].
-        error: largest distance of the tip from the converged chain's [m].
-        ours: the same of FlexArm's arm, at the environments' step, from its own.
-    """
-
-    integrator: str
-    step: float
-    error: float
-    ours: float
+    integrator: str  # MuJoCo's name of it
+    step: float  # [s]
+    error: float  # largest distance of the tip from the converged chain's [m]
+    ours: float  # the same of FlexArm's arm, at the environments' step, from its own
 
 
 def torques() -> Array:

@@ -19,67 +19,39 @@ UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 @dataclass(frozen=True)
 class Subject:
-    """Something whose time is taken.
+    """Something whose time is taken."""
 
-    Attributes:
-        name: for the tables.
-        work: one timed call; it may return the seconds of its parts by name.
-        amount: how many units of work a call does.
-        prepare: an untimed call before each timed one; here a kernel is compiled.
-        at_most: so many repeats at most; None for as many as the group's.
-    """
-
-    name: str
-    work: Callable[[], Mapping[str, float] | None]
-    amount: float = 1.0
-    prepare: Callable[[], Any] | None = None
-    at_most: int | None = None
+    name: str  # for the tables
+    work: Callable[[], Mapping[str, float] | None]  # one timed call; it may return the seconds of its parts by name
+    amount: float = 1.0  # how many units of work a call does
+    prepare: Callable[[], Any] | None = None  # an untimed call before each timed one; here a kernel is compiled
+    at_most: int | None = None  # so many repeats at most; None for as many as the group's
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """How many times longer `slow` takes than `fast`, repeat by repeat.
+    """How many times longer `slow` takes than `fast`, repeat by repeat."""
 
-    Attributes:
-        slow: name of a subject, or of a number in `Group.given`.
-        fast: the same.
-        says: what the ratio means, in words.
-    """
-
-    slow: str
-    fast: str
-    says: str
+    slow: str  # name of a subject, or of a number in `Group.given`
+    fast: str  # the same
+    says: str  # what the ratio means, in words
 
 
 @dataclass(frozen=True)
 class Group:
-    """Subjects that are timed by turns.
+    """Subjects that are timed by turns."""
 
-    Attributes:
-        name: key in the JSON file.
-        title: for people.
-        unit: unit of the times, a key of `UNITS`.
-        per: what one unit of work is.
-        subjects: what is timed.
-        ratios: what is compared.
-        given: times that were not measured here [s].
-        facts: further numbers for the JSON file.
-        wall: the work is done by other processes, so that only the clock on the wall counts.
-        warm: do every subject's work once before the first timed call.
-        share: factor on the option `repeats`.
-    """
-
-    name: str
-    title: str
-    unit: str
-    per: str
-    subjects: Sequence[Subject]
-    ratios: Sequence[Ratio]
-    given: Mapping[str, float] = field(default_factory=dict)
-    facts: Mapping[str, float] = field(default_factory=dict)
-    wall: bool = False
-    warm: bool = True
-    share: float = 1.0
+    name: str  # key in the JSON file
+    title: str  # for people
+    unit: str  # unit of the times, a key of `UNITS`
+    per: str  # what one unit of work is
+    subjects: Sequence[Subject]  # what is timed
+    ratios: Sequence[Ratio]  # what is compared
+    given: Mapping[str, float] = field(default_factory=dict)  # times that were not measured here [s]
+    facts: Mapping[str, float] = field(default_factory=dict)  # further numbers for the JSON file
+    wall: bool = False  # the work is done by other processes, so that only the clock on the wall counts
+    warm: bool = True  # do every subject's work once before the first timed call
+    share: float = 1.0  # factor on the option `repeats`
 
     def repeats(self, wanted: int) -> int:
         """How often each subject is timed; twice at least."""

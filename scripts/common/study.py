@@ -28,22 +28,16 @@ Trial = Callable[[], Any]  # a worker can run it; returns mappings, lists, array
 
 @dataclass(frozen=True)
 class Study:
-    """A comparison.
+    """A comparison."""
 
-    Attributes:
-        text: what it shows, in one line.
-        results: returns what the tables and pictures show; its arguments are the study's folder, which may keep
-            results, and the number of processes.
-        tables: write Markdown, by the names of the blocks in docs/ that show them.
-        pictures: draw, by the names of the files in docs/figures/.
-        svg: write the pictures as SVG, too, for print.
-    """
-
-    text: str
+    text: str  # what it shows, in one line
+    # Returns what the tables and pictures show; its arguments are the study's folder, which may keep results, and the
+    # number of processes
     results: Callable[[Path, int], Any]
-    tables: Mapping[str, Callable[[Any], str]]
+    tables: Mapping[str, Callable[[Any], str]]  # write Markdown, by the names of the blocks in docs/ that show them
+    # Draw, by the names of the files in docs/figures/
     pictures: Mapping[str, Callable[[Any], Figure]] = field(default_factory=dict)
-    svg: bool = False
+    svg: bool = False  # write the pictures as SVG, too, for print
 
     def show(self, results: Any, folder: Path) -> None:
         """Write the tables and pictures into a folder, and print the tables."""
@@ -62,15 +56,10 @@ class Study:
 
 @dataclass(frozen=True)
 class Trials:
-    """A study's `results` from trials, by their labels: each is run once, and kept while the code is the same.
+    """A study's `results` from trials, by their labels: each is run once, and kept while the code is the same."""
 
-    Attributes:
-        module: name of the module that declares the trials.
-        trials: returns them.
-    """
-
-    module: str
-    trials: Callable[[], Mapping[str, Trial]]
+    module: str  # name of the module that declares the trials
+    trials: Callable[[], Mapping[str, Trial]]  # returns them
 
     def __call__(self, folder: Path, jobs: int) -> dict[str, Any]:
         """Return the results of all trials, by label; run those that the folder has not."""

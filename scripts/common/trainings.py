@@ -21,17 +21,11 @@ Job = tuple[RunConfig, Path]
 
 
 class Training(NamedTuple):
-    """A finished training.
+    """A finished training."""
 
-    Attributes:
-        config: its configuration.
-        folder: where it lies.
-        best: the evaluation of its best policy, a row of `evaluations.json`.
-    """
-
-    config: RunConfig
-    folder: Path
-    best: dict[str, Any]
+    config: RunConfig  # its configuration
+    folder: Path  # where it lies
+    best: dict[str, Any]  # the evaluation of its best policy, a row of `evaluations.json`
 
 
 def trained(config: RunConfig, folder: Path) -> Training:

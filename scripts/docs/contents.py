@@ -35,17 +35,12 @@ MODULES = (
 
 
 class Chapter(NamedTuple):
-    """A chapter of the site.
+    """A chapter of the site."""
 
-    Attributes:
-        title: as the sidebar shows it.
-        text: what a reader finds there, in a sentence.
-        pages: by patterns, in their order, what each page answers; "" where its first sentence says it. A page that is
-            not there yet may be named.
-    """
-
-    title: str
-    text: str
+    title: str  # as the sidebar shows it
+    text: str  # what a reader finds there, in a sentence
+    # By patterns, in their order, what each page answers; "" where its first sentence says it. A page that is not there
+    # yet may be named
     pages: Mapping[str, str]
 
 

@@ -19,23 +19,14 @@ POINTS = 40  # of a drawn link
 
 
 class Lap(NamedTuple):
-    """A lap, at the instants of its control periods.
+    """A lap, at the instants of its control periods."""
 
-    Attributes:
-        time: since its start [s]. Shape (n,)
-        q: joint angles and modal coordinates. Shape (n, 8)
-        tip: where the true tip is [m]. Shape (n, 2)
-        sensed: what the late sensor says [m]. Shape (n, 2)
-        reference: where the tip should be [m]. Shape (n, 2)
-        torque: of the motors [N m]. Shape (n, 2)
-    """
-
-    time: Array
-    q: Array
-    tip: Array
-    sensed: Array
-    reference: Array
-    torque: Array
+    time: Array  # since its start [s]. Shape (n,)
+    q: Array  # joint angles and modal coordinates. Shape (n, 8)
+    tip: Array  # where the true tip is [m]. Shape (n, 2)
+    sensed: Array  # what the late sensor says [m]. Shape (n, 2)
+    reference: Array  # where the tip should be [m]. Shape (n, 2)
+    torque: Array  # of the motors [N m]. Shape (n, 2)
 
     @property
     def away(self) -> Array:

@@ -22,21 +22,13 @@ SIZE, QUALITY = 400, 60  # [px], and of the WebP in percent
 
 
 class Picture(NamedTuple):
-    """How a picture comes about.
+    """How a picture comes about."""
 
-    Attributes:
-        caption: what it shows.
-        policy: makes an action of an environment and its observation.
-        reset: options of the reset.
-        steps: control periods before the last of its frames.
-        seed: seed of the reset.
-    """
-
-    caption: str
-    policy: Callable[[FlexArmEnv, Any], Any]
-    reset: dict[str, Any]
-    steps: int
-    seed: int = 0
+    caption: str  # what it shows
+    policy: Callable[[FlexArmEnv, Any], Any]  # makes an action of an environment and its observation
+    reset: dict[str, Any]  # options of the reset
+    steps: int  # control periods before the last of its frames
+    seed: int = 0  # seed of the reset
 
 
 def constant(value: float) -> Callable[[FlexArmEnv, Any], Any]:

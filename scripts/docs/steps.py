@@ -41,21 +41,13 @@ SHADES = 64  # of a picture, which keeps its file small
 
 
 class Step(NamedTuple):
-    """A snippet or commands.
+    """A snippet or commands."""
 
-    Attributes:
-        kind: "python" or "console".
-        code: its text.
-        shown: output that the page shows; None: it shows none.
-        line: of the page where the code begins, from 1.
-        place: of the output in the page's text.
-    """
-
-    kind: str
-    code: str
-    shown: str | None
-    line: int
-    place: tuple[int, int]
+    kind: str  # "python" or "console"
+    code: str  # its text
+    shown: str | None  # output that the page shows; None: it shows none
+    line: int  # of the page where the code begins, from 1
+    place: tuple[int, int]  # of the output in the page's text
 
     @property
     def runs(self) -> bool:

@@ -21,19 +21,12 @@ Laps = Mapping[str, Sequence[Mapping[str, Any]]]  # of each lap the summaries of
 
 
 class OnBoard(NamedTuple):
-    """Points of the leaderboard, and who is shown of those that were measured there.
+    """Points of the leaderboard, and who is shown of those that were measured there."""
 
-    Attributes:
-        column: of the leaderboard.
-        values: of its points; their episodes are put together.
-        rows: names on the leaderboard.
-        note: what the reader should know of the numbers.
-    """
-
-    column: str
-    values: tuple[Any, ...]
-    rows: tuple[str, ...]
-    note: str = ""
+    column: str  # of the leaderboard
+    values: tuple[Any, ...]  # of its points; their episodes are put together
+    rows: tuple[str, ...]  # names on the leaderboard
+    note: str = ""  # what the reader should know of the numbers
 
 
 UNKNOWN = "0 to 15"  # the first of the ranges of episodes that the column "unknown" puts together

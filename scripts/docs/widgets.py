@@ -36,19 +36,12 @@ _VIEWER = ("replay.js", "replays/index.js")
 
 
 class Widget(NamedTuple):
-    """A part of a page that a script makes.
+    """A part of a page that a script makes."""
 
-    Attributes:
-        mount: id of the element that it fills.
-        scripts: files of `docs/_static`, in the order in which they are loaded.
-        data: files there that a reader may want to keep.
-        options: attributes of the element.
-    """
-
-    mount: str
-    scripts: tuple[str, ...]
-    data: tuple[str, ...] = ()
-    options: str = ""
+    mount: str  # id of the element that it fills
+    scripts: tuple[str, ...]  # files of `docs/_static`, in the order in which they are loaded
+    data: tuple[str, ...] = ()  # files there that a reader may want to keep
+    options: str = ""  # attributes of the element
 
 
 WIDGETS: Mapping[str, Widget] = {

@@ -19,17 +19,13 @@ FOLDER = DOCS / "figures" / "agents"
 
 
 class Agent(NamedTuple):
-    """What stays of an agent.
+    """What stays of an agent."""
 
-    Attributes:
-        config: of its trainings, but for the seed; None: a controller, or an agent of another study.
-        seconds: processor time of a million steps [s], where it was measured.
-        trainings: with the `seed`; figures of the `best` evaluation by the lap; the `curve` of all evaluations; what
-            else was `measured`.
-    """
-
+    # Of its trainings, but for the seed; None: a controller, or an agent of another study
     config: Mapping[str, Any] | None
-    seconds: float | None
+    seconds: float | None  # processor time of a million steps [s], where it was measured
+    # With the `seed`; figures of the `best` evaluation by the lap; the `curve` of all evaluations; what else was
+    # `measured`
     trainings: Sequence[Mapping[str, Any]]
 
     @property

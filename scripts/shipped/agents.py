@@ -30,19 +30,12 @@ WIDER = {name: list(limits) for name, limits in UNKNOWN_PLANT["randomisation"].i
 
 
 class Shipped(NamedTuple):
-    """A shipped agent.
+    """A shipped agent."""
 
-    Attributes:
-        text: what it is, in tables.
-        config: of its trainings, but for the seed.
-        seeds: how many trainings there are, an odd number.
-        drawn: the picture of learning curves shows it.
-    """
-
-    text: str
-    config: RunConfig
-    seeds: int = 11
-    drawn: bool = True
+    text: str  # what it is, in tables
+    config: RunConfig  # of its trainings, but for the seed
+    seeds: int = 11  # how many trainings there are, an odd number
+    drawn: bool = True  # the picture of learning curves shows it
 
     def jobs(self, folder: Path, seeds: int) -> list[Job]:
         """Return its trainings, with the seeds from 0 on."""

@@ -23,39 +23,25 @@ from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import ENDS
-
-Captured = pytest.CaptureFixture[str]
-
-
-def status(*arguments: str) -> Any:
-    """Run the command; how it ended."""
-    try:
-        main(arguments)
-    except SystemExit as end:
-        return end.code
-    return 0
-
+from tests.support.shell import Shell
 
 # --- ends ---------------------------------------------------------------------------------------------------------
 
 
-def test_help_shows_every_verb_and_examples(capsys: Captured) -> None:
-    assert status("--help") == 0
-    out = capsys.readouterr().out
+def test_help_shows_every_verb_and_examples(flexarm: Shell) -> None:
+    out = flexarm("--help").stdout
     assert all(re.search(rf"^  {verb} ", out, re.MULTILINE) for verb in VERBS)
     assert "flexarm evaluate runs/mine" in out
     assert "exit status: 0 done; 1 error" in out
     for verb in VERBS:
-        assert status(verb, "--help") == 0
-        out = capsys.readouterr().out
+        out = flexarm(verb, "--help").stdout
         for line in (*EXAMPLES[verb], STATUS):
             assert re.sub(r"\W+", "", line) in re.sub(r"\W+", "", out)  # a line may be broken, or in a frame
 
 
-def test_descriptions_fit_into_the_terminal(capsys: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_descriptions_fit_into_the_terminal(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "70")
-    assert status("leaderboard", "--help") == 0
-    description = capsys.readouterr().out.partition("\n\n")[2].partition("options:")[0]
+    description = flexarm("leaderboard", "--help").stdout.partition("\n\n")[2].partition("options:")[0]
     assert max(map(len, description.splitlines())) <= 70
 
 
@@ -66,7 +52,9 @@ def test_other_ends(monkeypatch: pytest.MonkeyPatch, error: Any, code: int) -> N
 
     monkeypatch.setattr(show, "run", fail)
     monkeypatch.setattr("os.dup2", lambda one, other: None)
-    assert status("show", "Square-v0") == code
+    with pytest.raises(SystemExit) as ended:
+        main(["show", "Square-v0"])
+    assert ended.value.code == code
 
 
 @pytest.mark.parametrize(("output", "code"), [("| head -c 1", 141), (">&-", 0), ("2>&-", 0)])
@@ -86,18 +74,16 @@ def test_nobody_reads_what_is_printed(output: str, code: int) -> None:
     assert (done.returncode, done.stderr) == (code, "")
 
 
-def test_the_version(capsys: Captured) -> None:
-    assert status("--version") == 0
-    assert capsys.readouterr().out == f"flexarm {flexarm_env.__version__}\n"
+def test_the_version(flexarm: Shell) -> None:
+    assert flexarm("--version").stdout == f"flexarm {flexarm_env.__version__}\n"
 
 
-def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
+def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "torch", None)
         for name in ("training.train", "commands.train"):
             patch.delitem(sys.modules, f"flexarm_agents.{name}", raising=False)
-        assert status("train") == 1
-    err = capsys.readouterr().err
+        err = flexarm("train", status=1).stderr
     assert err.startswith("error: flexarm train: torch is not installed; run `pip install ")
     monkeypatch.delitem(sys.modules, "flexarm_agents.sb3.vec_env", raising=False)
     monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env.base_vec_env", None)
@@ -127,9 +113,8 @@ def test_arguments_are_read_as_their_fields_are() -> None:
 
 
 @pytest.mark.parametrize(("verb", "algorithm"), [("teach", "dagger"), ("descend", "fopg")])
-def test_old_verbs_are_their_algorithms(capsys: Captured, verb: str, algorithm: str) -> None:
-    assert status(verb, "--rounds", "0") == 2
-    err = capsys.readouterr().err
+def test_old_verbs_are_their_algorithms(flexarm: Shell, verb: str, algorithm: str) -> None:
+    err = flexarm(verb, "--rounds", "0", status=2).stderr
     assert err.startswith(f"flexarm {verb} is now `flexarm train --algorithm {algorithm}`;")
     assert "flexarm train: error: rounds = 0: must be an integer >= 1" in err
 
@@ -137,9 +122,8 @@ def test_old_verbs_are_their_algorithms(capsys: Captured, verb: str, algorithm: 
 # --- list, show, warm-up ------------------------------------------------------------------------------------------
 
 
-def test_list_shows_ids_and_policies(capsys: Captured) -> None:
-    assert status("list") == 0
-    out = capsys.readouterr().out
+def test_list_shows_ids_and_policies(flexarm: Shell) -> None:
+    out = flexarm("list").stdout
     assert all(f"FlexArm/{name} " in out for name in IDS)
     assert all(re.search(rf"^{name} ", out, re.MULTILINE) for name in (*shipped_policies(), *controller_names()))
 
@@ -155,14 +139,12 @@ def test_show_tells_all_that_is_declared(name: str) -> None:
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_show_takes_an_id_without_namespace(capsys: Captured) -> None:
-    assert status("show", "Reach-v0") == 0
-    first = capsys.readouterr().out
-    assert status("show", "flexarm_env:FlexArm/Reach-v0") == 0
-    assert capsys.readouterr().out == first
+def test_show_takes_an_id_without_namespace(flexarm: Shell) -> None:
+    first = flexarm("show", "Reach-v0").stdout
+    assert flexarm("show", "flexarm_env:FlexArm/Reach-v0").stdout == first
 
 
-def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
+def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:
     calls: list[Any] = []
 
     def warm_up(ids: list[str], options: dict[str, Any], num_envs: list[int]) -> list[str]:
@@ -171,10 +153,10 @@ def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, cap
 
     monkeypatch.setattr("flexarm_agents.commands.warm_up.warm_up", warm_up)
     given = ("warm-up", "Square-v0", "FlexArm/Reach-v0", "--options", '{"noise": 0.1}', "--num-envs", "1", "64")
-    assert status(*given) == 0
+    printed = flexarm(*given).stdout
     assert calls == [([f"FlexArm/{name}"], {"noise": 0.1}, [1, 64]) for name in ("Square-v0", "Reach-v0")]
-    assert capsys.readouterr().out.splitlines()[-1] == "FlexArm/Reach-v0, num_envs = 64: compiled"
-    assert status("warm-up") == 0
+    assert printed.splitlines()[-1] == "FlexArm/Reach-v0, num_envs = 64: compiled"
+    flexarm("warm-up")
     assert [ids for ids, _, _ in calls[2:]] == [[f"FlexArm/{name}"] for name, one in IDS.items() if not one.extra]
 
 

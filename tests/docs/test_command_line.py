@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_agents.commands import VERBS, replay
+from flexarm_agents.commands import VERBS
 from scripts.common.markdown import shown_blocks
 from scripts.docs import commands
 
@@ -11,9 +11,3 @@ def test_the_page_is_what_the_parsers_say() -> None:
     shown = shown_blocks()["command_line"]
     assert shown == commands.text(), "run python -m scripts.docs.commands"
     assert all(f"## `flexarm {verb}`\n" in shown for verb in VERBS)
-
-
-def test_options_of_one_verb() -> None:
-    shown = "\n".join(commands.section(replay.parser()))
-    assert "| `RUN` | npz file of the run |" in shown
-    assert "--help" not in shown

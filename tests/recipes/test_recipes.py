@@ -35,15 +35,10 @@ WITHOUT_SNIPPETS = ("README", "wrappers")
 
 
 class Fence(NamedTuple):
-    """A snippet of a page.
+    """A snippet of a page."""
 
-    Attributes:
-        language: "python" or "console".
-        text: what stands in it.
-    """
-
-    language: str
-    text: str
+    language: str  # "python" or "console"
+    text: str  # what stands in it
 
 
 def fences(page: str) -> list[Fence]:

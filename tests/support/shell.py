@@ -12,10 +12,9 @@ import pytest
 from flexarm_agents.commands import main
 
 
-class Ended(NamedTuple):
-    """How the command ended, and what it printed."""
+class Printed(NamedTuple):
+    """What the command printed."""
 
-    returncode: int
     stdout: str
     stderr: str
 
@@ -28,13 +27,16 @@ class Shell:
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", list(sys.path))
 
-    def __call__(self, *arguments: object) -> Ended:
+    def __call__(self, *arguments: object, status: int = 0) -> Printed:
+        """Run the command, which must end with this status."""
         code: Any = 0
         try:
             main([str(argument) for argument in arguments])
         except SystemExit as end:
             code = end.code
-        return Ended(code, *self._capsys.readouterr())
+        printed = Printed(*self._capsys.readouterr())
+        assert code == status, printed.stderr
+        return printed
 
     def evaluation(self) -> dict[str, Any]:
         values: dict[str, Any] = json.loads((self.folder / "scores.json").read_text())
