@@ -66,12 +66,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step, and keep what happened.
-
-        Raises:
-            ValueError: if the action is outside of its space; the environment would clip it, and the data set would not
-                say what moved the arm.
-        """
+        """Step, and keep what happened; refuse an action that the environment would clip, unseen in the data."""
         action = np.asarray(action, self.action_space.dtype)
         if not self.action_space.contains(action):
             raise ValueError(

@@ -91,11 +91,7 @@ def _code(hosted: bool) -> str:
 
 
 class Store:
-    """A folder of cells.
-
-    Attributes:
-        folder: where; it is made when the first cell is written.
-    """
+    """A folder of cells, which is made when the first one is written."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -106,11 +106,7 @@ def _unknown() -> Iterator[Point]:
 
 
 def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
-    """Leave out the points at which another engine has the arm, if that is not installed.
-
-    Returns:
-        The columns, and what to tell the user; "" if nothing is left out.
-    """
+    """Return columns without the points of an engine that is not installed, and what to tell the user of that."""
     if find_spec("mujoco") is not None:
         return dict(columns), ""
     found = {

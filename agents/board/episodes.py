@@ -60,11 +60,7 @@ def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run an entry at some points.
 
     Returns:
-        For each point "episodes", a mapping of plain values for each; or "not_applicable", why the entry cannot be
-        run there.
-
-    Raises:
-        ValueError: if the entry cannot do the board's nominal task.
+        For each "episodes", a mapping of plain values for each; or "not_applicable", why the entry cannot be run there.
     """
     results: list[dict[str, Any]] = [{} for _ in points]
     batches: dict[str, list[int]] = {}
@@ -90,11 +86,7 @@ def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
 
 
 def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
-    """Group consecutive points so that a group has at most `LANES` episodes, or is one point.
-
-    Yields:
-        Indices of the points of a group.
-    """
+    """Yield the indices of consecutive points in groups of at most `LANES` episodes, or of one point."""
     some: list[int] = []
     for n, count in enumerate(episodes):
         if some and sum(episodes[k] for k in some) + count > LANES:
@@ -171,13 +163,10 @@ def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
 def _run(
     env: Any, view: FlexArmEnvBase, nominal: FlexArmEnvBase, episodes: Sequence[Episode], calls: Sequence[_Call]
 ) -> list[dict[str, Any]]:
-    """Run one episode in each environment of a batch.
+    """Run one episode in each environment of a batch, and return plain values of each.
 
     An environment whose episode is over begins another one, which has no part in the result, as vector environments
     do: a policy meets nothing that it does not know from there.
-
-    Returns:
-        Plain values of each episode.
     """
     matrix = observation_map(view, nominal)
     observation, infos = env.reset(seed=[one.seed for one in episodes], options=_reset_options(episodes))

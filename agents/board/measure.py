@@ -58,11 +58,7 @@ def measure(
     where: Executor,
     progress: Callable[[int], tqdm[Any]] = lambda total: tqdm(total=total, disable=True),
 ) -> tuple[dict[str, Any], list[Failure]]:
-    """Compute the missing cells, and add all up.
-
-    Returns:
-        The board of the entries that have all their cells, and the jobs of the others that failed.
-    """
+    """Compute the missing cells; return the board of the entries that have all, and the jobs that failed."""
     cells = {
         entry.name: {name: [Cell.of(entry, point) for point in column.points] for name, column in columns.items()}
         for entry in entries
@@ -128,10 +124,9 @@ def rounded(value: Any) -> Any:
 
 
 def delay_margins(entry: Entry) -> Mapping[str, float] | None:
-    """Return the least and the largest delay margin along the square [s], by the linear theory of an arm at rest.
+    """Return the "least" and "most" delay margin [s] along the square, by the linear theory of an arm at rest.
 
-    Returns:
-        "least" and "most"; None for an entry whose loop is not linear, or does not contain the sensor.
+    None for an entry whose loop is not linear, or does not contain the sensor.
     """
     candidate = entry.candidate()
     settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]

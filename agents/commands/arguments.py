@@ -63,11 +63,7 @@ def wrapped(paragraph: str) -> str:
 
 
 class Reader(argparse.ArgumentParser):
-    """A parser; options cannot be abbreviated: a new one never changes another.
-
-    Attributes:
-        declared: its arguments, in order.
-    """
+    """A parser that keeps its arguments; options cannot be abbreviated: a new one never changes another."""
 
     def __init__(self, prog: str, description: str, epilog: str = "") -> None:
         self.declared: list[argparse.Action] = []

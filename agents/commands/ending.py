@@ -24,11 +24,7 @@ Handler = Callable[[int, FrameType | None], NoReturn]
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asked the command to stop. What handles Ctrl-C handles this.
-
-    Attributes:
-        signal: which one.
-    """
+    """A signal asked the command to stop. What handles Ctrl-C handles this."""
 
     def __init__(self, number: int) -> None:
         self.signal = signal.Signals(number)
@@ -39,9 +35,6 @@ def run(main: Callable[[], None]) -> None:
     """Run a command's `main`; its last line says what was wrong with the input, or which signal stopped it.
 
     In another thread than the main one, where Python has no handlers, signals have their usual effect.
-
-    Raises:
-        SystemExit: unless all went well.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the caller has closed it

@@ -49,11 +49,7 @@ def parser() -> Reader:
 
 
 def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], list[Failure]]:
-    """Measure what is chosen, and write tables and JSON.
-
-    Returns:
-        The chosen entries, the board, and the cells that could not be computed.
-    """
+    """Measure what is chosen, write tables and JSON; return the entries, the board, and the cells that failed."""
     entries = chosen_entries(given.entries, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:

@@ -41,13 +41,7 @@ class Learner:
     """Networks in training; torch's generator draws their weights and the order of the critic's samples."""
 
     def __init__(self, config: FOPGConfig, observations: Observations, size: int) -> None:
-        """Make untrained networks.
-
-        Args:
-            config: of the training.
-            observations: of the batch.
-            size: how many numbers of an observation the policy sees; they are the first ones.
-        """
+        """Make untrained networks; the policy sees the first numbers of an observation, so many."""
         self._config, self._observations, self._size = config, observations, size
         settings = observations.settings
         self._lost_value = largest_cost(settings, config) / max(1.0 - config.gamma, 1.0 / config.episode_steps)

@@ -31,11 +31,7 @@ class FOPGTraining(Rounds):
     """A training with several untrained policies at the beginning, of which the best one goes on.
 
     Attributes:
-        config: the configuration.
-        driver: of the batch, after `start` or `restore`.
-        learner: of the networks.
         leading: the best candidate whose trial is over; None before the first, and after the last.
-        done: rounds so far.
     """
 
     config: FOPGConfig

@@ -144,13 +144,9 @@ def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:
 
 
 def error_cost(squares: Floats, knee: float) -> tuple[Floats, Floats]:
-    """Return the cost of squared distances [m], and its derivative by them [1/m].
+    """Return the cost [m] of squared distances [m^2], and its derivative by them [1/m]; the knee is a distance [m].
 
     It is that square over twice the knee where it is small, and the distance less the knee where it is large.
-
-    Args:
-        squares: squared distances of the tip from the reference [m^2].
-        knee: [m].
     """
     root = np.sqrt(squares + knee**2)
     return squares / (root + knee), 0.5 / root

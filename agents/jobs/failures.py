@@ -26,11 +26,7 @@ class Failure(NamedTuple):
 
 
 def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
-    """Report jobs that failed, and keep their tracebacks in `failures.log`, which is absent if none did.
-
-    Raises:
-        OSError: if there are any.
-    """
+    """Report jobs that failed by an error, and keep their tracebacks in `failures.log`, which is absent if none did."""
     log = folder / LOG
     if not failed:
         log.unlink(missing_ok=True)

@@ -24,11 +24,7 @@ GLANCE = 0.1  # between two looks for a second signal [s]
 
 
 class WorkerPool(ProcessPoolExecutor):
-    """Processes that run jobs, and stop when a pipe's end is closed; made by `worker_pool`.
-
-    Attributes:
-        jobs: all that were submitted.
-    """
+    """Processes that run jobs, and stop when a pipe's end is closed; made by `worker_pool`."""
 
     def __init__(self, count: int, asked: Connection) -> None:
         self.jobs: list[Future[Any]] = []

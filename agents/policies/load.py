@@ -65,11 +65,7 @@ class Trained:
 def check_fits(
     name: str, observation: tuple[int, ...] | None, action: tuple[int, ...] | None, env: gymnasium.Env[Any, Any]
 ) -> None:
-    """Check that a policy was trained with observations and actions of an environment's sizes; close it if not.
-
-    Raises:
-        ValueError: if one of them has another shape.
-    """
+    """Check that a policy was trained with observations and actions of an environment's shapes; close it if not."""
     spaces = {"observation": (observation, env.observation_space), "action": (action, env.action_space)}
     for what, (shape, space) in spaces.items():
         if shape != space.shape:

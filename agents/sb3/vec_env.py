@@ -251,12 +251,7 @@ def _warn_of_threads() -> None:
 
 
 class EncodedVecEnv(VecEnvWrapper):
-    """Arms whose observations are an encoder's outputs.
-
-    Attributes:
-        encoder: of the observations.
-        memory: of the encoder, after the last observations; empty before the first.
-    """
+    """Arms whose observations are an encoder's outputs; its memory is empty before the first observations."""
 
     def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
         space = gymnasium.spaces.Box(-np.inf, np.inf, (encoder.inputs,), np.float32)

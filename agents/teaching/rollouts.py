@@ -32,14 +32,9 @@ class Rollout(NamedTuple):
 def run_rollout(
     env: FlexArmVectorEnv, teacher: Teacher, student: NetworkPolicy | None, config: DAggerConfig, number: int
 ) -> Rollout:
-    """Run a lap on every arm; the result depends on nothing but the arguments.
+    """Run a lap on every arm of a batch that starts on the first corner; the result depends on the arguments alone.
 
-    Args:
-        env: batch of `config.arms` arms that start at rest on the first corner.
-        teacher: for them.
-        student: that drives a share of the time; None: the teacher drives alone.
-        config: of the teaching.
-        number: of the round.
+    Without a student, which drives a share of the time in later rounds (`number`), the teacher drives alone.
     """
     random = np.random.default_rng([config.seed, number])
     count = config.arms

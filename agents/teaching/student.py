@@ -24,18 +24,11 @@ class Student:
     """A network from observations and history to the torques, with inputs scaled by the first rollout's spread.
 
     Attributes:
-        encoder: of the observations.
         loss: mean of the last fit's weighted square errors, in squared actions.
     """
 
     def __init__(self, config: DAggerConfig, encoder: PastReadings | None, first: Rollout) -> None:
-        """Make an untrained student; it draws its weights from torch's generator.
-
-        Args:
-            config: of the teaching.
-            encoder: past readings that it sees; None: none.
-            first: rollout that shows how far each input spreads.
-        """
+        """Make an untrained student; it draws its weights from torch's generator."""
         self.encoder, self._config, self.loss = encoder, config, float("nan")
         observations = first.observations
         past = () if encoder is None else encoder.remembered * len(encoder.lags)

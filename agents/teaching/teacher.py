@@ -74,15 +74,12 @@ class Teacher:
         return cls(plans, settings.motor_limit, settings.control_period)
 
     def actions(self, pupils: Pupils, period: Indices, states: Floats) -> tuple[NDArray[np.float32], Floats]:
-        """Choose actions.
+        """Choose actions in [-1, 1], and return how far the feedback changes them. Shape (n, 2) each.
 
         Args:
             pupils: the arms.
             period: control periods since each one's lap began. Shape (n,).
             states: true ones. Shape (n, 4 + 4 m).
-
-        Returns:
-            Actions in [-1, 1], and how far the feedback changes them. Shape (n, 2) each.
         """
         now = np.minimum(period, self.periods - 1)
         late = pupils.parameters["actuation_delay"] / self.period
@@ -139,9 +136,6 @@ def bank(
         stiffnesses: factors of the grid, increasing.
         folder: holds a file for each plan.
         wishes: fields of `TrackingProblem` that all plans share.
-
-    Raises:
-        DivergingStartError: if the arm is so unlike the default arm that its plans are no start.
     """
     folder.mkdir(parents=True, exist_ok=True)
     made: dict[tuple[str, int, int], Plan] = {}

@@ -26,10 +26,6 @@ class DAggerTraining(Rounds):
     """A student that imitates a teacher.
 
     A checkpoint holds no rollouts: each is repeated by the student of its round, with the same result.
-
-    Attributes:
-        config: the configuration.
-        env: batch of the rollouts; None before `start` or `restore`.
     """
 
     config: DAggerConfig

@@ -49,14 +49,7 @@ class TrainingProgress:
 
 
 class Training(ABC):
-    """A training of one algorithm. It consists of parts (rollouts, or rounds), between which it can be resumed.
-
-    Attributes:
-        config: the configuration.
-        run: its folder.
-        progress: what was found so far.
-        logger: of the figures for TensorBoard.
-    """
+    """A training of one algorithm. It consists of parts (rollouts, or rounds), between which it can be resumed."""
 
     config: Any  # of the algorithm's own class
     logger: Logger
@@ -130,12 +123,7 @@ class Training(ABC):
 
 
 class Rounds(Training):
-    """A training in rounds, each of which ends with an evaluation and a checkpoint.
-
-    Attributes:
-        done: rounds so far.
-        round_steps: environment steps of a round.
-    """
+    """A training in rounds, each of which ends with an evaluation and a checkpoint; so many are done."""
 
     done: int
     round_steps: int

@@ -27,13 +27,9 @@ _OF_THE_ENVIRONMENT = ("n_timesteps", "n_envs", "env_kwargs.max_episode_steps")
 
 
 def value_first(schedule: LinearSchedule, level: float, share: float, left: float) -> float:
-    """Return a learning rate that has a level of its own while the value learns alone, before the schedule begins.
+    """Return a learning rate by the share of a training that is left.
 
-    Args:
-        schedule: from the share of a training that is left to the rate.
-        level: the rate before it.
-        share: of the training, before it.
-        left: share of the training that is left.
+    It has a level of its own in the share in which the value learns alone, before the schedule begins.
     """
     rest = left / (1.0 - share)
     return level if rest >= 1.0 - ROUNDING else schedule(rest)

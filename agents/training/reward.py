@@ -50,11 +50,7 @@ class TrainingCallback(BaseCallback):
 
 
 class RewardTraining(Training):
-    """A training by reward; its parts are rollouts.
-
-    Attributes:
-        model: of the library; None before `start` or `restore`.
-    """
+    """A training by reward; its parts are rollouts. The model is None before `start` or `restore`."""
 
     model: BaseAlgorithm | None = None
 

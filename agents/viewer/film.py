@@ -80,14 +80,7 @@ def _ffmpeg() -> Any:
 
 
 class Film:
-    """A recorded run, played at a speed.
-
-    Attributes:
-        run: the run.
-        fps: pictures a second [1/s].
-        speed: seconds of the run in a second.
-        size: side of a picture [px].
-    """
+    """A recorded run, played at a speed, by pictures of a size [px] at a rate [1/s]."""
 
     def __init__(self, run: Trajectory, fps: int = 25, speed: float = 1.0, size: int = 600) -> None:
         """Check the arguments."""

@@ -46,7 +46,6 @@ class LiveArm:
     and its moment in the lap; the sensor's memory begins anew, as after a reset.
 
     Attributes:
-        knobs: as they are.
         errors: distances of the true tip from the reference, of the last `MEMORY` seconds, one a control period [m].
         ended: why the arm stopped; None: it runs.
     """

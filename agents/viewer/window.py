@@ -57,13 +57,7 @@ class Slider:
 
 
 class Viewer:
-    """The window.
-
-    Attributes:
-        live: the arm.
-        sliders: of its knobs.
-        chosen: index of the slider that the arrow keys move.
-    """
+    """The window; the arrow keys move the slider that is chosen."""
 
     def __init__(self, live: LiveArm) -> None:
         """Open the window."""

@@ -80,11 +80,7 @@ def _cpu_model() -> str:
 
 
 def run(options: Options, cache: Path) -> dict[str, Any]:
-    """Measure everything.
-
-    Returns:
-        What the JSON file holds.
-    """
+    """Measure everything, and return what the JSON file holds."""
     repeats = 2 if options.quick else options.repeats
     modes = options.modes[:1] if options.quick else options.modes
     effort = 0.05 if options.quick else 1.0

@@ -93,12 +93,7 @@ print(json.dumps(parts | {"processor": time.process_time()}))
 
 
 def first_step(colds: int, cache: Path) -> Group:
-    """Time processes that make one step, from the start of the interpreter to the end.
-
-    Args:
-        colds: how often with an empty cache (the compiler takes its time).
-        cache: a folder that the first process fills and the cached ones use; what it holds is lost.
-    """
+    """Time processes from their start to their first step, with an empty cache (so often) and with a filled one."""
     cold, cached = f"{SQUARE}, nothing compiled yet", f"{SQUARE}, compiled code cached"
     linear, empty = f"{SQUARE}, linear arm, nothing compiled yet", cache / "linear"
     subjects = [  # the first one comes first

@@ -43,11 +43,6 @@ def envpool_acrobot(num_envs: int, effort: float, threads: int = 1) -> Subject:
     """EnvPool's Acrobot-v1 with random actions prepared before; amount: environment steps.
 
     An episode that is over starts anew with the next step, whose action is lost: one step in 500 is such a reset.
-
-    Args:
-        num_envs: environments, all stepped by each call.
-        effort: factor on the work of a timed call.
-        threads: of EnvPool, beside that of the caller.
     """
     import envpool
 
@@ -144,13 +139,9 @@ def multiply_adds(effort: float) -> Subject:
 
 
 def empty_vec_env(environment: str, num_envs: int) -> VecEnv:
-    """Make a batch for Stable-Baselines3 that is never stepped, to time the learner alone.
+    """Make a batch for Stable-Baselines3, with an id's spaces, that is never stepped: it times the learner alone.
 
     Observations and rewards are the same random numbers at each step, and no episode ends.
-
-    Args:
-        environment: id whose spaces it has.
-        num_envs: environments.
     """
     from flexarm_agents import FlexArmVecEnv
 
@@ -172,14 +163,10 @@ def empty_vec_env(environment: str, num_envs: int) -> VecEnv:
 
 
 def learn(env: VecEnv, steps: int) -> None:
-    """Let Stable-Baselines3's PPO learn on an environment, rollouts and updates, after one round of both; close it.
+    """Let Stable-Baselines3's PPO learn for so many frames, rounded up to rounds, after one round of both; close it.
 
     Policy and value have two layers of 64 each; a round is about 8192 frames, then ten epochs in batches of at most
     1024, on one thread of PyTorch: two are three to five times slower as soon as the machine is busy.
-
-    Args:
-        env: the environment.
-        steps: frames of all environments together, rounded up to whole rounds.
     """
     from stable_baselines3 import PPO
 

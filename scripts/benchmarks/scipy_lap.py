@@ -30,16 +30,9 @@ def solve(
     tolerance: float = 1e-6,
     compiled: bool = False,
 ) -> Array:
-    """Public state after so many seconds. Shape (8,).
+    """Return the paper's arm's public state after so many seconds of one lap at most. Shape (8,).
 
-    Args:
-        arm: the paper's.
-        law: gains.
-        path: the reference; one lap at most.
-        start: public state. Shape (8,).
-        seconds: [s].
-        tolerance: relative and absolute.
-        compiled: the right-hand side by numba.
+    The tolerance is relative and absolute; the right-hand side is compiled by numba if asked for.
     """
     k = arm.constants
     one_mode = [x for field in k for x in (field if isinstance(field, tuple) else [field])]

@@ -59,11 +59,7 @@ class Group:
 
 
 def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[str, Any]:
-    """Time a group.
-
-    Returns:
-        The group's entry in the JSON file.
-    """
+    """Time a group, and return its entry in the JSON file."""
     samples: dict[str, list[float]] = {}
     walls: dict[str, list[float]] = {}
     if group.warm:

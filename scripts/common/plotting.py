@@ -87,17 +87,9 @@ def number_ticks(axis: Axis, ticks: Sequence[float]) -> None:
 
 
 def plot_median(axis: Axes, x: Any, several: Any, band: bool = True, **look: Any) -> float:
-    """Draw the median of errors in millimetres over an axis, and the range from the best to the worst; gaps where lost.
+    """Draw the median of several errors [m] over x in millimetres, with a band from the best to the worst.
 
-    Args:
-        axis: where.
-        x: values of the axis.
-        several: errors [m] of each agent, infinite or None where lost.
-        band: draw the range.
-        **look: label, colour and style of the line.
-
-    Returns:
-        Where the line ends [mm].
+    Errors are infinite or None where lost, which leaves gaps. Return where the line ends [mm].
     """
     errors = 1e3 * np.array([[np.inf if one is None else one for one in line] for line in several], float)
     median = np.median(errors, axis=0)

@@ -44,14 +44,8 @@ def check_replaceable(folder: Path, marker: str) -> None:
 def replacing(target: Path, marker: str) -> Iterator[Path]:
     """Fill an empty folder that replaces the target at the end; after an error the target stays as it was.
 
-    What a killed run left beside the target is removed first.
-
-    Args:
-        target: where the results belong.
-        marker: a file that a complete result folder holds.
-
-    Raises:
-        ValueError: if the target is something else than a result folder, or another run makes it now.
+    What a killed run left beside the target is removed first. A target that is no result folder (one with the marker),
+    or that another run makes now, is refused.
     """
     check_replaceable(target, marker)
     target.parent.mkdir(parents=True, exist_ok=True)

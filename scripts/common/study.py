@@ -75,13 +75,7 @@ class Trials:
 
 
 def run_all(trials: Mapping[str, Trial], jobs: int, text: str) -> Iterator[tuple[str, Any]]:
-    """Run trials, and yield each with its label as soon as it is done.
-
-    Args:
-        trials: by label.
-        jobs: processes; 1: this one.
-        text: of the progress bar.
-    """
+    """Run trials in so many processes (1: this one), and yield each with its label as soon as it is done."""
     with tqdm(total=len(trials), unit="job", desc=text) as bar, ExitStack() as stack:
         if jobs == 1 or len(trials) < 2:
             done = ((label, trial()) for label, trial in trials.items())

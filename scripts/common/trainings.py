@@ -55,12 +55,9 @@ def carried_out(config: RunConfig, folder: Path) -> Outcome:
 
 
 def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:
-    """Train each configuration in a folder of its own.
+    """Train each configuration in a folder of its own; return those that finished, in order, and the failures.
 
     When this process is stopped, each training that runs finishes its rollout and keeps a checkpoint.
-
-    Returns:
-        The finished trainings, in the order of the jobs, and the jobs that failed.
     """
     found: dict[int, Training] = {}
     failed = []

@@ -150,11 +150,7 @@ PARTS: Mapping[str, Sequence[str]] = {
 
 
 def contents(pages: Iterable[str]) -> dict[str, list[str]]:
-    """Return what stands below each chapter, and below each page that has parts.
-
-    Args:
-        pages: names of all pages but the first one and the chapters: paths without their endings.
-    """
+    """Return what of all pages, by their names without endings, stands below each chapter and each page with parts."""
     left = set(pages)
     found: dict[str, list[str]] = {}
     for parent, patterns in {**PARTS, **{name: chapter.pages for name, chapter in CHAPTERS.items()}}.items():

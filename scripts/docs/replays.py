@@ -58,12 +58,7 @@ class Options:
 
 
 def packed(values: Array, step: float) -> list[list[int]]:
-    """Return sequences as whole numbers of a step, by their second differences, which have few digits.
-
-    Args:
-        values: Shape (n, k).
-        step: of the numbers.
-    """
+    """Return sequences (n, k) as whole numbers of a step, by their second differences, which have few digits."""
     whole = np.rint(values / step).astype(np.int64).T
     found: list[list[int]] = np.diff(whole, n=2, prepend=np.zeros((len(whole), 2), np.int64)).tolist()
     return found

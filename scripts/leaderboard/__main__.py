@@ -33,11 +33,7 @@ PAGE = "leaderboard.md"
 
 
 def update_docs(folder: Path) -> None:
-    """Fill the tables of the page and of the README; copy the JSON and the pictures.
-
-    Args:
-        folder: has them. What it lacks stays as it is.
-    """
+    """Fill the page and the README by a folder's tables; copy its JSON and pictures. What it lacks stays as it is."""
     target = DOCS / "figures" / "leaderboard"
     target.mkdir(parents=True, exist_ok=True)
     tables = kept_tables(folder)

@@ -21,15 +21,7 @@ FIRST = 10  # control periods that do not count: something may be made at the fi
 
 
 def times(entries: Sequence[Entry], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
-    """Time a lap of each entry, one observation at a time, in this process.
-
-    Args:
-        entries: the policies that are timed.
-        tick: called after each entry.
-
-    Returns:
-        For each entry "median" and "p99" of the processor time from an observation to the action [ms].
-    """
+    """Time a lap of each entry: "median" and "p99" of the processor time from an observation to the action [ms]."""
     found = {}
     for entry in entries:
         candidate = entry.candidate(fresh=True)
@@ -41,17 +33,10 @@ def times(entries: Sequence[Entry], tick: Callable[[], Any]) -> dict[str, dict[s
 
 
 def period_times(env: gymnasium.Env[Any, Any], policy: Any) -> NDArray[np.float64]:
-    """Time each action of the plain lap; where the path is lost, the lap begins anew.
+    """Time each action of the plain lap but the first ones [ms]; where the path is lost, the lap begins anew.
 
     The time is that of this process alone, on all its cores (`time.process_time`): other work on the machine counts
     little.
-
-    Args:
-        env: a `FlexArmEnv`, wrapped or not.
-        policy: as `run_policy` takes it.
-
-    Returns:
-        Of each period but the first ones [ms].
     """
     predict, options = predictor(policy, deterministic=True), LAPS[LAP].reset_options()
     done, taken = True, list[float]()

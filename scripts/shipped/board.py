@@ -36,14 +36,9 @@ CONTROLLERS = {
 
 
 def measured(source: Path, cells: Store) -> dict[str, Any]:
-    """Run a training's best policy on the nominal laps, on the chain and on unknown arms.
+    """Run the best policy of a training, or a policy's file, on the nominal laps, on the chain and on unknown arms.
 
-    Args:
-        source: folder of the training, or its policy.
-        cells: keep what was run.
-
-    Returns:
-        `point_summary` of each of `MEASURED`; on the nominal laps with the change of the torques [N m].
+    Return `point_summary` of each of `MEASURED`; on the nominal laps with the change of the torques [N m].
     """
     row, found = Entry(str(source)), {}
     for name, points in MEASURED.items():
