@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import as_completed
-from contextlib import ExitStack
 from dataclasses import dataclass, field
+from operator import call
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from tqdm import tqdm
 
 from flexarm_agents.code_version import code_version
 from flexarm_agents.files import write_text
-from flexarm_agents.jobs.worker_pool import worker_pool
+from flexarm_agents.jobs.executors import Processes
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options
 from scripts.common.markdown import DOCS, fill_pages, kept_tables
@@ -76,17 +75,15 @@ class Trials:
 
 def run_all(trials: Mapping[str, Trial], jobs: int, text: str) -> Iterator[tuple[str, Any]]:
     """Run trials in so many processes (1: this one), and yield each with its label as soon as it is done."""
-    with tqdm(total=len(trials), unit="job", desc=text) as bar, ExitStack() as stack:
-        if jobs == 1 or len(trials) < 2:
-            done = ((label, trial()) for label, trial in trials.items())
-        else:
-            pool = stack.enter_context(worker_pool(jobs))
-            futures = {pool.submit(trial): label for label, trial in trials.items()}
-            done = ((futures[future], future.result()) for future in as_completed(futures))
-        for label, result in done:
-            bar.set_postfix_str(label)
+    labels, calls = list(trials), list(trials.values())
+    with tqdm(total=len(trials), unit="job", desc=text) as bar:
+        here = jobs == 1 or len(trials) < 2
+        for n, result in enumerate(map(call, calls)) if here else Processes(jobs).run(call, calls):
+            if isinstance(result, BaseException):
+                raise result
+            bar.set_postfix_str(labels[n])
             bar.update()
-            yield label, result
+            yield labels[n], result
 
 
 @dataclass

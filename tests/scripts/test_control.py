@@ -68,6 +68,8 @@ def test_trials_are_run_once(tmp_path: Path) -> None:
 def test_workers_run_trials() -> None:
     done = dict(run_all({"two": partial(counted, 2), "three": partial(counted, 3)}, 2, "squares"))
     assert done == {"two": {"square": 4}, "three": {"square": 9}}
+    with pytest.raises(ZeroDivisionError):
+        list(run_all({"two": partial(counted, 2), "none": partial(divmod, 1, 0)}, 2, "squares"))
 
 
 def test_decays_of_joint_feedback() -> None:
