@@ -27,9 +27,6 @@ def link1(segments: int) -> list[str]:
     return ["shoulder", *(f"bend1_{k}" for k in range(1, segments))]
 
 
-# --- the chain: frequencies -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("segments", ERRORS)
 @pytest.mark.parametrize(("elbow", "roots"), [(["elbow"], CLAMPED), ([], PINNED)], ids=["clamped", "pinned"])
 def test_frequencies_of_link_2(segments: int, elbow: list[str], roots: np.ndarray) -> None:
@@ -37,9 +34,6 @@ def test_frequencies_of_link_2(segments: int, elbow: list[str], roots: np.ndarra
     elastic = found[found > 1e-3][:2]
     assert len(found) - len(found[found > 1e-3]) == (not elbow)  # the pinned link turns freely
     assert np.all(np.abs(elastic / beam(roots) - 1.0) < ERRORS[segments])
-
-
-# --- the chain: inertia, geometry, damping ----------------------------------------------------------------------------
 
 
 def test_inertia_of_the_straight_arm() -> None:
@@ -79,9 +73,6 @@ def test_material_damping_and_friction_are_in_the_hinges() -> None:
     assert spring.damping[0] / spring.stiffness[0] == pytest.approx(material_time(arm), rel=1e-12)
     assert (elbow.stiffness[0], elbow.damping[0]) == (0.0, 0.25)
     assert model.joint("shoulder").damping[0] == 0.5
-
-
-# --- the chain: time step ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("damping", "step"), [(0.01, 1e-3), (0.0, 5e-4)])

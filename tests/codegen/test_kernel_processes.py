@@ -127,8 +127,6 @@ def test_the_functions_of_each_variant_have_names_of_their_own() -> None:
     assert len(names) == 2
 
 
-# --- forks --------------------------------------------------------------------------------------------------------
-
 FORK_WHILE_COMPILING = """
 import os, signal, threading, time
 import numba

@@ -50,9 +50,6 @@ def test_the_grid_holds_every_option() -> None:
     assert registered - used <= {"law_sensor", "action_mode", "physics_step", "reference"}
 
 
-# --- the two checkers ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_gymnasiums_checker(env_id: str, options: dict[str, Any], kernels: str) -> None:
@@ -70,9 +67,6 @@ def test_gymnasiums_checker_with_pictures(env_id: str) -> None:
 def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any], kernels: str) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(make(env_id, **options), warn=True)
-
-
-# --- registration -------------------------------------------------------------------------------------------
 
 
 def test_what_is_registered() -> None:
@@ -128,9 +122,6 @@ def test_the_class_alone_is_the_square() -> None:
     alone, registered = FlexArmEnv(arm="linear"), bare()
     alone.reset(seed=0)
     assert_same(alone.step(action), registered.step(action))
-
-
-# --- what is handed out -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -201,9 +192,6 @@ def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, A
     assert np.isfinite(env.observation_space.high).all()
 
 
-# --- the end of an episode ----------------------------------------------------------------------------------
-
-
 def test_only_the_time_limit_truncates() -> None:
     """Not the first step, not any other but the 16 000th; without the wrapper none."""
     env = make(PAPER, sensor="collocated")
@@ -227,8 +215,6 @@ def test_the_lap_goes_on_after_its_end() -> None:
     previews = np.array([block(env, row, "previews") for row in rows])
     np.testing.assert_allclose(previews[50:], previews[:51], atol=1e-6)
 
-
-# --- worker processes ---------------------------------------------------------------------------------------
 
 WORKERS = 2
 OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}

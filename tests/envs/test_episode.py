@@ -24,9 +24,6 @@ RANDOM_EPISODES: dict[str, Any] = {
 }
 
 
-# --- the episode --------------------------------------------------------------------------------------------
-
-
 def test_the_episode_is_described_by_a_copy() -> None:
     batch = vector(SQUARE, 4, autoreset_mode="SameStep", max_episode_steps=4, **RANDOM_EPISODES)
     batch.reset(seed=5)
@@ -55,9 +52,6 @@ def test_stable_baselines3_reads_each_environments_own() -> None:
     found = batch.get_attr("episode", [0, 2])
     assert found == [batch.env.episode.one(0), batch.env.episode.one(2)]
     assert found[0] != found[1]
-
-
-# --- time limit ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("options", [{"control_period": 0.001}, {"lap_time": 20.0}])

@@ -10,13 +10,10 @@ from flexarm_env.envs.info import info_keys
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES, ENDS
-from tests.support.envs import SQUARE, make, vector
+from tests.support.envs import make, vector
 from tests.support.refusals import refuses
 
 REACH = "FlexArm/Reach-v0"
-
-
-# --- success ------------------------------------------------------------------------------------------------
 
 
 def test_success_is_a_lap_with_a_quiet_final_rest() -> None:
@@ -59,37 +56,14 @@ def test_success_of_a_batch_survives_the_end_of_the_lap() -> None:
             np.testing.assert_array_equal(infos["is_success"], expected, f"step {k}")
 
 
-# --- the end ------------------------------------------------------------------------------------------------
-
-
 def test_codes_and_reasons() -> None:
     assert [end_reason(code) for code in END_CODES.values()] == list(END_CODES)
-    assert list(END_CODES.items())[:6] == [
-        ("none", 0),
-        ("error", 1),
-        ("deflection", 2),
-        ("angle", 3),
-        ("rate", 4),
-        ("diverged", 5),
-    ]
+    assert [END_CODES[name] for name in ("none", "error", "deflection", "angle", "rate", "diverged")] == [*range(6)]
     assert set(END_CODES) == {"none", *ENDS}
     assert end_reason(np.float64(2.0)) == "deflection"
     for bad in (6, -1, 1.5, float("nan")):
         with refuses((TypeError, ValueError), "code = "):
             end_reason(bad)
-
-
-def test_a_truncated_episode_has_the_code_of_none_single_and_batch() -> None:
-    """What `Monitor(info_keywords=("end_code",))` asks for is there, however the episode ends."""
-    env, batch = make(max_episode_steps=3), vector(SQUARE, 1, max_episode_steps=3)
-    env.reset(seed=0)
-    batch.reset(seed=0)
-    for _ in range(3):
-        *_, truncated, info = env.step(np.zeros(2, np.float32))
-        *_, ended, infos = batch.step(np.zeros((1, 2), np.float32))
-    assert truncated
-    assert ended.all()
-    assert info["end_code"] == infos["end_code"][0] == 0.0
 
 
 def test_stable_baselines3s_monitor_keeps_the_code() -> None:

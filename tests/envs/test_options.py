@@ -25,7 +25,6 @@ ON_LINK_1 = {"observation": ["second_sensor_error"], "second_sensor_link": 1}
 def refused(
     message: str, options: dict[str, Any], env_id: str = SQUARE, error: type[Exception] = ValueError
 ) -> tuple[str, dict[str, Any], type[Exception], str]:
-    """Return a row of `MESSAGES`."""
     return env_id, options, error, message
 
 
@@ -206,9 +205,6 @@ def test_the_sensor_is_at_the_tip_of_whatever_link() -> None:
 
 def test_type_checkers_know_the_options() -> None:
     assert option_types.FILE.read_text() == option_types.text(), "run: python -m scripts.docs.option_types"
-
-
-# --- values ---------------------------------------------------------------------------------------------------
 
 
 def test_lists_as_json_has_them_are_tuples() -> None:

@@ -41,9 +41,6 @@ def test_the_set_up() -> None:
     assert (env.control_period, env.gain_limit, env.settings.substeps) == (1e-3, 1.0, 4)
 
 
-# --- the law ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("action", "gain"), [(-1.0, 0.0), (0.0, 2.0), (1.0, 4.0), (-7.0, 0.0), (1.5, 4.0), (0.5, 3.0)])
 def test_the_action_is_the_gain(action: float, gain: float) -> None:
     """-1 to 1 onto 0 to gain_limit; what lies outside is limited."""
@@ -74,9 +71,6 @@ def test_the_torque_is_the_papers_law_times_the_gain() -> None:
         # rounding of the position, 1e-15 m, times gains of up to 1e4 N m/m; the command's velocity is a difference
         # quotient over 0.25 ms, with 1e-11 m/s of rounding
         np.testing.assert_allclose(info["torque"], expected, rtol=1e-9, atol=1e-8)
-
-
-# --- observation and info -----------------------------------------------------------------------------------
 
 
 def test_the_reference_where_corners_fall_between_the_instants() -> None:

@@ -67,7 +67,6 @@ def compare_with_singles(env_id: str, lanes: dict[str, list[Any]], steps: int, *
 
 
 def test_each_environment_is_the_single_one_with_its_options() -> None:
-    """Episodes begin anew."""
     compare_with_singles(SQUARE, TORQUE_LANES, 60)
 
 
@@ -167,9 +166,6 @@ def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
     with refuses(ValueError, "environment 1", "physics_step = None", "0.0007143 s", "0.001429 s"):
         vector(SQUARE, 2, per_env=arms)
     assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).simulator.each} == {50}
-
-
-# --- elbow branch and direction of an episode -------------------------------------------------------------------------
 
 
 def goes_clockwise(env: Any) -> bool:

@@ -6,6 +6,7 @@ import copy
 import hashlib
 import inspect
 import pickle
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from tests.support.envs import (
     shared_arm,
     vector,
 )
+from tests.support.refusals import label
 
 NOISY: dict[str, Any] = RANDOM | POOR_SENSOR | FORESHORTENED  # of the square, whose kernels other tests compile, too
 
@@ -75,9 +77,6 @@ with open(sys.argv[1], "rb") as file:
 
 def seeded(seed: int | None, env: gym.Env[Any, Any]) -> str:
     return f"{env.reset(seed=seed)[0].tobytes().hex()} {digest(env)}"
-
-
-# --- seeds --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("env_id", "options"), [(SQUARE, NOISY), (PAPER, CALM)])
@@ -145,38 +144,24 @@ def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], see
         assert keys.take(np.array(chosen)).tolist() == expected
 
 
-# --- copies -------------------------------------------------------------------------------------------------
+COPIED = [(partial(made, name, **noisy(name)), 30) for made in (make, bare) for name in (SQUARE, RESIDUAL, PAPER)]
+COPIED += [  # across resets, with a pool of threads that no pickle can hold
+    (partial(vector, env_id, count, max_episode_steps=steps + 2, threads=threads, **noisy(env_id)), steps)
+    for env_id, count, steps in ((SQUARE, 11, 20), (PAPER, 9, 3))
+    for threads in (1, 2)
+]
 
 
-@pytest.mark.parametrize("wrapped", [True, False])
-@pytest.mark.parametrize("how", ["pickle", "deepcopy"])
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
-@pytest.mark.usefixtures("uncompiled")
-def test_a_copy_continues_identically(env_id: str, how: str, wrapped: bool) -> None:
-    env: gym.Env[Any, Any] = (make if wrapped else bare)(env_id, **noisy(env_id))
-    env.reset(seed=3)
-    digest(env, 30)
-    twin = pickle.loads(pickle.dumps(env)) if how == "pickle" else copy.deepcopy(env)
-    found = digest(twin, 40)
-    assert digest(env, 40) == found
-    assert seeded(None, twin) == seeded(None, env)
-
-
-@pytest.mark.parametrize("how", ["pickle", "deepcopy"])
-@pytest.mark.parametrize(("env_id", "count", "steps"), [(SQUARE, 11, 20), (PAPER, 9, 3)])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_copy_of_many_continues_identically(
-    request: pytest.FixtureRequest, env_id: str, count: int, steps: int, how: str, threads: int
-) -> None:
-    """Across resets, with a thread pool that no pickle can hold."""
-    if env_id == PAPER:  # no other test compiles its kernels with noise for blocks
-        request.getfixturevalue("uncompiled")
-    env = vector(env_id, count, max_episode_steps=steps + 2, threads=threads, **noisy(env_id))
+@pytest.mark.parametrize("how", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy], ids=label)
+@pytest.mark.parametrize(("made", "steps"), COPIED, ids=label)
+def test_a_copy_continues_identically(made: Any, steps: int, how: Any) -> None:
+    env = made()
     env.reset(seed=3)
     digest(env, steps)
-    twin = pickle.loads(pickle.dumps(env)) if how == "pickle" else copy.deepcopy(env)
+    twin = how(env)
     found = digest(twin, steps + 2)
     assert digest(env, steps + 2) == found
+    assert seeded(None, twin) == seeded(None, env)
     env.close()
     twin.close()
 

@@ -24,9 +24,6 @@ def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: 
     return SyncVectorEnv([lambda: make(env_id, **options)] * num_envs, autoreset_mode=mode)
 
 
-# --- one alone and many together ----------------------------------------------------------------------------
-
-
 # Each program's blocks are compiled for this alone; those of the fast tests are the torques'.
 OTHERS = [pytest.param(env_id, marks=pytest.mark.slow) for env_id in IDS if env_id != SQUARE]
 
@@ -106,9 +103,6 @@ def test_a_forked_child_steps_with_threads_of_its_own(steps: int) -> None:
     env.close()
 
 
-# --- the end of episodes ------------------------------------------------------------------------------------
-
-
 def test_the_registered_time_limit_reaches_the_batch() -> None:
     """At rest without torque and without limits nothing else ends an episode: 1600 steps, not one more or less."""
     env = vector(SQUARE, 3, start="corner", error_limit=None, deflection_limit=None)
@@ -180,9 +174,6 @@ def test_the_action_of_an_environment_that_begins_an_episode_is_not_read(num_env
     for k in range(8):
         begins = k == 3
         assert_same(env.step(np.full_like(still, np.nan) if begins else still), twin.step(still))
-
-
-# --- memory -------------------------------------------------------------------------------------------------
 
 
 def test_many_environments_are_small() -> None:

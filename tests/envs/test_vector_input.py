@@ -15,8 +15,6 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import IDS, RESIDUAL, SQUARE, actions_for, assert_same, make, refused_unmoved, vector
 from tests.support.refusals import refuses
 
-# --- options of a reset -------------------------------------------------------------------------------------
-
 
 def test_each_environment_may_have_its_own_options() -> None:
     """And is then the single environment with those."""
@@ -124,9 +122,6 @@ def test_calls_of_one_environment_that_cannot_be() -> None:
         _ = FlexArmEnv().gain_limit
 
 
-# --- bad arguments ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
@@ -211,9 +206,6 @@ def test_actions_beyond_the_range_of_float32_are_limited() -> None:
     assert_same(env.step(np.full((3, 2), -1e300)), twin.step(np.full((3, 2), -1.0, np.float32)))
     assert_same(single.step(np.full(2, 1e300)), other.step(np.full(2, 1.0, np.float32)))
     assert_same(env.step(np.full((3, 2), 1e30, np.float32)), twin.step(np.ones((3, 2), np.float32)))
-
-
-# --- what is handed out -------------------------------------------------------------------------------------
 
 
 def test_masks_that_keys_share_cannot_be_written() -> None:

@@ -78,8 +78,6 @@ def test_an_arm_at_rest_on_the_reference_has_no_error() -> None:
     assert np.abs(env.row("FURTHER_ERROR")).max() < 1e-13
 
 
-# --- environments ----------------------------------------------------------------------------------------------------
-
 BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND.blocks)
 ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
 

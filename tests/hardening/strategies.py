@@ -31,7 +31,6 @@ MOST_CHARACTERS = 2000  # of a message
 
 
 def amount(sample: int, campaign: int) -> int:
-    """Return how much is tried."""
     return campaign if CAMPAIGN else sample
 
 
@@ -47,15 +46,12 @@ class Contrary:
     """Refuses to be shown or converted."""
 
     def __repr__(self) -> str:
-        """Fail."""
         raise RuntimeError("no repr")
 
     def __float__(self) -> float:
-        """Fail."""
         raise RuntimeError("no float")
 
     def __array__(self, *arguments: Any, **named: Any) -> Any:
-        """Fail."""
         raise RuntimeError("no array")
 
 

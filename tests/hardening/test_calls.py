@@ -45,7 +45,6 @@ def twins(name: str) -> tuple[FlexArmEnv, FlexArmEnv]:
 
 
 def _resets() -> st.SearchStrategy[Call]:
-    """Draw resets, with good and bad options."""
     garbage = st.sampled_from(GARBAGE)
     sensible = {
         "start": st.sampled_from(sorted(STARTS)),
@@ -77,8 +76,6 @@ def _steps(size: int) -> st.SearchStrategy[Call]:
 
 
 def drawn() -> st.SearchStrategy[tuple[str, list[Call]]]:
-    """Draw an id and calls of it."""
-
     def calls(name: str) -> st.SearchStrategy[tuple[str, list[Call]]]:
         size = math.prod(twins(name)[0].action_space.shape or ())
         steps = _steps(size)

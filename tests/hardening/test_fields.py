@@ -52,7 +52,6 @@ def _of(example: Any) -> Subject:
 
 @cache
 def subjects() -> dict[str, Subject]:
-    """Return all subjects, by name."""
     plan, policy = load_plan("default_plain"), load_policy("square").policy
     arm = plan.arm
     trained = (PPOConfig, SACConfig, DAggerConfig, FOPGConfig)
@@ -70,17 +69,14 @@ def subjects() -> dict[str, Subject]:
 
 
 def _either(garbage: st.SearchStrategy[Any], sensible: st.SearchStrategy[Any] | None) -> st.SearchStrategy[Any]:
-    """Draw one or the other, as often."""
     return garbage if sensible is None else st.booleans().flatmap(lambda good: sensible if good else garbage)
 
 
 def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
-    """Draw a subject, and one to three of its fields."""
     garbage = st.sampled_from(GARBAGE)
 
     @st.composite
     def draw_fields(draw: st.DrawFn) -> tuple[str, dict[str, Any]]:
-        """Draw."""
         name = draw(st.sampled_from(sorted(subjects())))
         own = subjects()[name].fields
         chosen = draw(st.lists(st.sampled_from(sorted(own)), min_size=1, max_size=3, unique=True))

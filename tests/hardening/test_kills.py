@@ -98,7 +98,6 @@ def _check_board(folder: Path) -> int:
 
 
 def _board_files(folder: Path, printed: str) -> Any:
-    """Return the board and its cells."""
     paths = [folder / "leaderboard.json", *(folder / "cells").rglob("[0-9a-f]*.json")]
     return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
@@ -109,7 +108,6 @@ def _reproduce(folder: Path) -> list[str]:
 
 
 def _check_reproduction(folder: Path) -> int:
-    """Check that the results are complete or absent."""
     results = folder / "paper"
     if not results.exists():
         return 0

@@ -23,6 +23,7 @@ SHIFTED = {"arm": "linear", "action_mode": "reference", "shift_limit": (0.2, 0.1
         (SQUARE, 8, {}),
         (RESIDUAL, 1, SHIFTED | {"reference": ["square", "line", "circle"]}),
         (PAPER, 1, {"compensation": "per_joint"}),
+        (PAPER, 1, {"delay": 1e-4, "delayed": "position+rate"}),  # shorter than a step
     ],
     ids=str,
 )

@@ -104,21 +104,16 @@ class Batch:
         return np.array([v, [a + b for a, b in zip(force, motors, strict=True)]])
 
     def velocity_by_numpy(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Compute the rates of momenta likewise."""
         k, e, (cos, sin, _) = self.known, elimination(self.known), self.angles(y)
         return np.array(dyn.solve(k, e, dyn.inertia(k, e, list(y), cos, sin), list(p)))
 
     def momenta_by_numpy(self) -> np.ndarray:
-        """Compute the momenta at the start likewise."""
         return np.array(dyn.momentum(self.known, list(self.y), list(self.v), *self.angles(self.y)[:2]))
 
 
 @pytest.fixture(scope="module", params=VARIANTS, ids=str)
 def batch(request: pytest.FixtureRequest) -> Batch:
     return Batch(*request.param)
-
-
-# --- the formulas as written ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lanes", [1, LANES])
@@ -156,9 +151,6 @@ def test_the_recording_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
 
 
-# --- threads ----------------------------------------------------------------------------------------------------------
-
-
 def test_threads_run_as_one_does(batch: Batch) -> None:
     def run(_: int) -> np.ndarray:
         arenas = batch.arenas(LANES)
@@ -191,8 +183,6 @@ def test_kernels_release_the_interpreter() -> None:
     # a kernel that held the interpreter would stop this loop for nearly all of its time
     assert longest < 0.5 * took
 
-
-# --- vectorised -------------------------------------------------------------------------------------------------------
 
 # packed and scalar double-precision arithmetic, and jumps to a library's sine or cosine
 MACHINES = {

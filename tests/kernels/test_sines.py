@@ -20,7 +20,6 @@ LANES = 8
 
 
 def sines_record(variant: Variant) -> Recorder:
-    """Record sine and cosine."""
     r = Recorder(variant)
     r.store("results", sincos(r.rows_of("angles", 1)[0]))
     return r
@@ -32,7 +31,6 @@ def sines_kernel(angles: LaneRows, results: LaneRows) -> None:
 
 
 def sines_of(angles: LaneRows, results: LaneRows) -> None:
-    """Call it as a driver does."""
     sines_kernel(lane_rows(angles, variant.lanes), lane_rows(results, variant.lanes))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -59,12 +58,6 @@ def test_a_pickle_without_a_stamp_is_refused() -> None:
     del state["layout_stamp"]
     with pytest.raises(LayoutError, match="the batch was saved with no layout stamp"):
         thing.__setstate__(state)
-
-
-def test_copies_of_the_same_layout_are_taken() -> None:
-    for make in MAKERS.values():
-        made = make()
-        assert type(copy.deepcopy(made)) is type(made)
 
 
 def test_the_stamp_covers_every_table_of_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:

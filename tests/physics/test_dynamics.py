@@ -22,9 +22,6 @@ def close(ours: np.ndarray, theirs: np.ndarray, rtol: float = AGREEMENT) -> None
     np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=rtol * np.abs(theirs).max())
 
 
-# --- a second derivation ----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("damping", ["modal", "material"])
 @pytest.mark.parametrize("shapes", ["cantilever", "polynomial"])
 @pytest.mark.parametrize("kinematics", ["linear", "foreshortened"])
@@ -47,9 +44,6 @@ def test_the_equations_are_the_lagrangians(modes: int, kinematics: str, shapes: 
         assert arm.angular_momentum(state) == pytest.approx(mass[0] @ rates, rel=AGREEMENT)
 
 
-# --- the mass matrix --------------------------------------------------------------------------------------------------
-
-
 @settings(max_examples=60)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1))
 def test_mass_matrix_is_symmetric_and_positive_definite(parameters: ArmParameters, seed: int) -> None:
@@ -61,9 +55,6 @@ def test_mass_matrix_is_symmetric_and_positive_definite(parameters: ArmParameter
     # Four modes of a bare link nearly hold its rotation as a rigid body: 3e-5 for the default arm; lumped masses at
     # tips of light links bring it down to 3e-6 (least of 2000 random arms). Rounding is 1e-15.
     assert np.linalg.eigvalsh(scale[:, None] * matrix * scale).min() > 1e-8
-
-
-# --- the rigid arm ----------------------------------------------------------------------------------------------------
 
 
 def rigid_two_link(p: ArmParameters, theta2: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,9 +96,6 @@ def test_papers_variant_keeps_the_deflected_mass_matrix(modes: int) -> None:
     close(arm.acceleration(np.concatenate([q, rates]), (40.0, -30.0)), expected)
 
 
-# --- rest -------------------------------------------------------------------------------------------------------------
-
-
 @settings(max_examples=40)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1))
 def test_straight_arm_at_rest_stays_at_rest(parameters: ArmParameters, seed: int) -> None:
@@ -116,9 +104,6 @@ def test_straight_arm_at_rest_stays_at_rest(parameters: ArmParameters, seed: int
     rest[:2] = random_state(parameters, seed)[:2]
     np.testing.assert_array_equal(arm.acceleration(rest), np.zeros(arm.size))
     np.testing.assert_array_equal(arm.velocity_forces(rest[: arm.size], np.zeros(arm.size)), np.zeros(arm.size))
-
-
-# --- linearisation ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("modes", "variant"), [(1, "complete"), (2, "complete"), (2, "rigid")])

@@ -27,9 +27,6 @@ def both(modes: int = 2, **changes: Any) -> tuple[FlexibleArm, FlexibleArm]:
     return linear, foreshortened
 
 
-# --- kinematics -------------------------------------------------------------------------------------------------------
-
-
 def centre_line_excess(arm: FlexibleArm, q: Array, link: int) -> float:
     """By how much a link's centre line is longer than the link, from 2000 chords [m]."""
     length = arm.parameters.link_lengths[link - 1]
@@ -66,9 +63,6 @@ def test_sensors_see_the_point_where_it_is(s: float) -> None:
     np.testing.assert_allclose(rows @ np.array(v), arm.velocity(state, 2, s), **close)
 
 
-# --- forces -----------------------------------------------------------------------------------------------------------
-
-
 # Flapping frequencies of a uniform blade clamped to a turning root of radius zero, in units of sqrt(EI / rho L^4):
 # Wright, Smith, Thresher & Wang, Vibration modes of centrifugally stiffened beams, J. Appl. Mech. 49 (1982), table 1.
 BLADE = {0.0: (3.5160, 22.0345), 2.0: (4.1373, 22.6149), 5.0: (6.4495, 25.4461), 10.0: (11.2023, 33.6404)}
@@ -92,9 +86,6 @@ def test_a_turning_link_stiffens_like_a_blade(turn: float) -> None:
             np.testing.assert_allclose(np.sqrt(squares + turn**2), BLADE[turn], rtol=1e-3)
         else:
             np.testing.assert_allclose(squares, np.array(BLADE[0.0]) ** 2 - turn**2, rtol=1e-4)
-
-
-# --- the loop and the environments ------------------------------------------------------------------------------------
 
 
 def test_the_papers_velocity_forces_know_no_foreshortening() -> None:

@@ -21,9 +21,6 @@ def link() -> LinkModes:
     return link_modes(L, EI, RHO, 4, A)
 
 
-# --- roots and frequencies --------------------------------------------------------------------------------------------
-
-
 def test_roots_solve_the_characteristic_equation() -> None:
     # brentq is asked for 4 ulp, its smallest tolerance
     np.testing.assert_allclose(clamped_free_roots(4), textbook_roots(4), rtol=4 * EPS)
@@ -45,9 +42,6 @@ def test_frequencies_scale_as_the_beam_equation_says(
     np.testing.assert_allclose(np.sqrt(modes.stiffness / np.diag(modes.mass)), expected, rtol=ROUNDING)
 
 
-# --- shapes -----------------------------------------------------------------------------------------------------------
-
-
 def test_shapes_are_the_textbooks(link: LinkModes) -> None:
     p = loaded_arm(4, mode_scale=A)
     x = np.linspace(0.0, L, 50)
@@ -63,9 +57,6 @@ def test_shape_broadcasts(link: LinkModes) -> None:
     np.testing.assert_array_equal(link.slope(x)[1, 2], link.slope(x[1, 2]))
 
 
-# --- integrals --------------------------------------------------------------------------------------------------------
-
-
 def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkModes) -> None:
     x, weight = clenshaw_curtis(L)
     phi, bend = (shapes(loaded_arm(4, mode_scale=A), L, x, order) for order in (0, 2))
@@ -74,9 +65,6 @@ def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkMo
     np.testing.assert_allclose(link.first_moment, RHO * weight @ phi, rtol=10 * ROUNDING)
     np.testing.assert_allclose(link.second_moment, RHO * (weight * x) @ phi, rtol=10 * ROUNDING)
     np.testing.assert_allclose(link.stiffness, EI * weight @ bend**2, rtol=ROUNDING)
-
-
-# --- polynomial shapes ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
@@ -95,9 +83,6 @@ def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:
     compliance = np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]]) / EI
     ends = np.stack([link.tip_values, link.tip_slopes])
     np.testing.assert_allclose(ends @ (ends / link.stiffness).T, compliance, rtol=1e-12)
-
-
-# --- statics ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("count", "missing"), [(1, 0.029), (2, 0.0047), (3, 0.0015), (4, 0.0006)])

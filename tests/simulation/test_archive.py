@@ -53,9 +53,6 @@ def run_file(path: Path, head: Any = None, **arrays: Any) -> Path:
     return path
 
 
-# --- files that are made to harm, or to surprise ----------------------------------------------------------------------
-
-
 def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes:
     """Make an npy file that says it has this shape, and holds these bytes."""
     stream = io.BytesIO()

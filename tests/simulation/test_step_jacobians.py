@@ -118,9 +118,6 @@ def test_the_drivers_give_them_in_plain_python(options: dict[str, Any]) -> None:
         assert column_errors(found[0], jacobian(partial(case.moved, at, place), at[place])).max() < 1e-11, place
 
 
-# --- shapes and input -------------------------------------------------------------------------------------------------
-
-
 def test_leading_axes_broadcast(small: Case) -> None:
     n = 2 * small.arm.size
     states, torques = small.states[:6].reshape(2, 3, n), small.torques[:3]

@@ -65,7 +65,6 @@ class _PlainEntry(NamedTuple):
     variant: AnyVariant
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run it."""
         with plain_python(self.variant), np.errstate(all="ignore"):  # keys overflow, and states diverge, as compiled
             return self.entry(*arguments)
 
