@@ -5,23 +5,28 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import time
+from io import StringIO
 from typing import Any
 
+import gymnasium
 import pytest
 
 import flexarm_agents
 import flexarm_env
 from flexarm_agents import PPOConfig, shipped_policies
-from flexarm_agents.commands import VERBS, main, show
+from flexarm_agents.commands import VERBS, main, progress, show, sources
 from flexarm_agents.commands import train as training
 from flexarm_agents.commands.arguments import EXAMPLES, STATUS
 from flexarm_agents.commands.fields import read_fields
+from flexarm_agents.commands.progress import episode_steps, progress_bar
 from flexarm_agents.commands.text import columns, from_markdown
 from flexarm_agents.training.config import ALGORITHMS, config_class
 from flexarm_baselines.registry import controller_names
 from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import ENDS
 from tests.support.shell import Shell
 
@@ -187,3 +192,51 @@ def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:
     assert from_markdown(page, 20) == "length: unit metres\n    of the path\na:\n    b"
     numbers = table(("key", "what", "scale"), [("a longkey", "the length of the whole path", "2.5, 0.25, 0.25")])
     assert from_markdown(numbers, 30).startswith("key      what")
+
+
+# --- progress -------------------------------------------------------------------------------------------------------
+
+
+class Terminal(StringIO):
+    """Stands for a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("kind", [Terminal, StringIO])
+def test_a_bar_is_shown_when_it_takes_long_and_goes_in_the_end(
+    kind: type[StringIO], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "PATIENCE" if kind is Terminal else "LOG", 0.02)
+    errors = kind()
+    monkeypatch.setattr("sys.stderr", errors)
+    with progress_bar(8, "cells") as bar:
+        bar.update()
+        assert errors.getvalue() == ""
+        time.sleep(0.15)
+        bar.update(3)
+        assert "4/8" in errors.getvalue()
+    assert errors.getvalue().rpartition("\r")[0].rpartition("\r")[2].strip() == ""  # the last line is blank
+
+
+def test_how_long_an_episode_is() -> None:
+    assert episode_steps(gymnasium.make("FlexArm/Square-v0", max_episode_steps=70)) == 70
+    assert episode_steps(FlexArmEnv(control_period=0.02, lap_time=8.0)) == 400
+
+
+def test_what_takes_longer_than_a_moment_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sources, "PATIENCE", 0.05)
+    with sources._message_if_long("slow: the controller is designed"):
+        before, waited = capsys.readouterr().err, 0
+        while not (said := capsys.readouterr().err) and waited < 200:
+            time.sleep(0.05)
+            waited += 1
+    assert before == ""
+    assert said == "slow: the controller is designed\n"
+    monkeypatch.setattr(sources, "PATIENCE", 60.0)
+    with sources._message_if_long("quick: the controller is designed"):
+        pass
+    assert capsys.readouterr().err == ""

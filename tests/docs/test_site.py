@@ -1,4 +1,4 @@
-"""The site: every page has its place, and what is built has no dead link."""
+"""The site: every page has its place; the page of the commands is what the parsers say."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from scripts.docs import site
+from flexarm_agents.commands import VERBS
+from scripts.common.markdown import shown_blocks
+from scripts.docs import commands, site
 from scripts.docs.contents import CHAPTERS, KINDS, MODULES, contents, first_sentence
 from tests.support.programs import ROOT
 
@@ -74,3 +76,12 @@ def test_links_to_files_outside_docs_are_kept(tmp_path: Path) -> None:
     for page in (tmp_path / "pages").rglob("*.md"):
         for target in site.LINK.findall(page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page}: {target}"
+
+
+# --- the page of the commands ---------------------------------------------------------------------------------------
+
+
+def test_the_page_is_what_the_parsers_say() -> None:
+    shown = shown_blocks()["command_line"]
+    assert shown == commands.text(), "run python -m scripts.docs.commands"
+    assert all(f"## `flexarm {verb}`\n" in shown for verb in VERBS)

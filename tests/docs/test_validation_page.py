@@ -1,4 +1,4 @@
-"""docs/validation.md: what its record holds, and what the page's maker makes of a report."""
+"""docs/validation.md and the texts that quote it: what the record holds, and what the page's maker makes of a report."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from scripts.common.markdown import DOCS, shown_blocks
+from scripts.common.markdown import DOCS, quoting, shown_blocks, span
 from scripts.docs import validation
+from scripts.docs.quoted import of_validation
+from scripts.docs.validation import PAGES, QUOTING_PAGES
 from tests.support.programs import ROOT, run_here
 
 RECORD = json.loads((DOCS / "validation.json").read_text())
@@ -56,3 +58,22 @@ def test_the_page_is_renewed_by_a_part_of_the_checks(tmp_path: Path) -> None:
     assert found["groups"] == RECORD["groups"]
     for new, old in zip(found["checks"], RECORD["checks"], strict=True):
         assert new == old | {"figure": pytest.approx(old["figure"], rel=0.02, abs=1e-10)}
+
+
+# --- texts that quote figures ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*PAGES, *QUOTING_PAGES])
+def test_a_page_quotes_the_record(name: str) -> None:
+    """`make docs` brings it up to date."""
+    page = (DOCS / name).read_text()
+    assert "<!-- quoting:" in page
+    assert page == quoting(page, of_validation(RECORD))
+
+
+def test_a_quoting_block_is_written_anew() -> None:
+    page = "a\n<!-- quoting:\nIt is {x:.1f} m, {span([3, 1.25])}.\n-->\nIt is 7 m.\n<!-- end -->\nb\n"
+    figures = {"x": 2.0, "span": span}
+    assert quoting(page, figures) == page.replace("It is 7 m.", "It is 2.0 m, 1.2 to 3.0.")
+    with pytest.raises(NameError, match="x"):
+        quoting(page, {"span": span})
