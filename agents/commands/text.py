@@ -57,7 +57,8 @@ def _table(text: str, width: int) -> str:
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]
     widths = _widths(rows, width)
     texts = ["".join(column) for column in zip(*rows, strict=True)]
-    if len(texts) > 2 and len(texts[-1]) == max(map(len, texts)) and widths[-1] < min(width // 3, _longest(rows)):
+    longest = max(len(row[-1]) for row in rows)
+    if len(texts) > 2 and len(texts[-1]) == max(map(len, texts)) and widths[-1] < min(width // 3, longest):
         return _list(rows, width)
     wrapped: list[tuple[str, ...]] = []
     for row in rows:
@@ -67,11 +68,6 @@ def _table(text: str, width: int) -> str:
         ]
         wrapped += zip_longest(*pieces, fillvalue="")
     return columns(wrapped)
-
-
-def _longest(rows: Sequence[Sequence[str]]) -> int:
-    """Return how long the longest cell of the last column is."""
-    return max(len(row[-1]) for row in rows)
 
 
 def _widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:

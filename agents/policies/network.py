@@ -28,15 +28,11 @@ _FORMAT = 1
 _SQUASHED = "spread"  # name of `log_std_weights` in a file
 
 
-def _elu(x: Array) -> Array:
-    return np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
-
-
-def _relu(x: Array) -> Array:
-    return np.maximum(x, np.float32(0.0))
-
-
-ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"elu": _elu, "tanh": np.tanh, "relu": _relu}
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, np.float32(0.0)),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

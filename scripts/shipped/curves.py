@@ -30,7 +30,8 @@ def curve(training: Training) -> dict[str, Any]:
     rows = json.loads(RunFolder(training.folder).evaluations.with_suffix(".json").read_text())
     found: dict[str, Any] = {name: [row[name] for row in rows] for name in ("steps", "seconds")}
     scores = [StandardScore.of(row) for row in rows]
-    laps = {lap: [_rounded(getattr(score, lap).rms) for score in scores] for lap in LAPS}
+    errors = {lap: [getattr(score, lap).rms for score in scores] for lap in LAPS}
+    laps = {lap: [one and float(f"{one:.5g}") for one in several] for lap, several in errors.items()}
     return {"seed": training.config.seed, **found, **laps}
 
 
@@ -66,7 +67,3 @@ def _aligned(seeds: Sequence[Mapping[str, Any]], lap: str) -> tuple[np.ndarray, 
     count = min(len(seed["steps"]) for seed in seeds)
     errors = [[np.inf if error is None else error for error in seed[lap][:count]] for seed in seeds]
     return np.array(seeds[0]["steps"][:count], dtype=float), np.array(errors, dtype=float)
-
-
-def _rounded(error: float | None) -> float | None:
-    return None if error is None else float(f"{error:.5g}")

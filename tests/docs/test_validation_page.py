@@ -1,4 +1,4 @@
-"""docs/validation.md and the texts that quote it: what the record holds, and what the page's maker makes of a report."""
+"""docs/validation.md and the texts that quote it: the record, and what is made of a report."""
 
 from __future__ import annotations
 
