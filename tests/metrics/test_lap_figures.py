@@ -37,6 +37,12 @@ def drawn_run(seed: int, instants: int = 400) -> Trajectory:
     return ARM.record(time, state, torque, reference=path, notes={"ended": "truncated"})
 
 
+def columns_of(run: Trajectory) -> tuple[np.ndarray, ...]:
+    """Return what `Instants` has beside the time."""
+    towards, rates = directions(run.reference), ARM.tip_deflection(run.state[:, ARM.size :])
+    return run.tip, run.reference, towards, run.tip_deflection, rates, run.state[:, :2], run.torque
+
+
 def still_run(tip_error: np.ndarray, time: np.ndarray, reference: np.ndarray) -> RunningFigures:
     """Make a run whose tip is off the reference by what is given."""
     zeros = np.zeros((len(time), 1, 2))
@@ -133,24 +139,7 @@ def test_figures_while_runs_go_on_are_those_of_the_whole(seed: int, cuts: set[in
     """However the runs are cut into parts; the second run's figures are its own. Sums are rounded otherwise."""
     runs = [drawn_run(seed), drawn_run(seed + 1)]
     going_on = RunningFigures(2, corners(runs[0].time, runs[0].reference), (150.0, 50.0))
-    columns = [
-        np.stack(values, axis=1)
-        for values in zip(
-            *(
-                (
-                    run.tip,
-                    run.reference,
-                    directions(run.reference),
-                    run.tip_deflection,
-                    ARM.tip_deflection(run.state[:, ARM.size :]),
-                    run.state[:, :2],
-                    run.torque,
-                )
-                for run in runs
-            ),
-            strict=True,
-        )
-    ]
+    columns = [np.stack(pair, axis=1) for pair in zip(*map(columns_of, runs), strict=True)]
     for begin, end in zip([0, *sorted(cuts)], [*sorted(cuts), 400], strict=True):
         going_on.update(Instants(runs[0].time[begin:end], *(column[begin:end] for column in columns)))
     for k, run in enumerate(runs):

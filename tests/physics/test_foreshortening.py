@@ -12,7 +12,6 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SensorModel
 from flexarm_env.physics import sensing
 from flexarm_env.physics.bent_link import bent
-from tests.support.envs import FORESHORTENED, bare
 from tests.support.lagrange import loaded_arm, random_state
 from tests.support.loops import LawLoop
 
@@ -102,20 +101,6 @@ def test_a_place_is_on_its_link() -> None:
         arm.place(2, 5.0)
     with pytest.raises(ValueError, match=r"link = 3"):
         arm.place(3, 1.0)
-
-
-def test_torques_move_an_environments_arm_as_they_move_the_arm() -> None:
-    env = bare(**FORESHORTENED, start="moving", sensor="true", delay=0.0, error_limit=None, deflection_limit=None)
-    actions = np.random.default_rng(0).integers(-16, 17, (40, 2)) / 64.0
-    infos = [env.reset(seed=1)[1], *(env.step(action)[4] for action in actions)]
-    states, tips, sensed = (np.array([info[name] for info in infos]) for name in ("state", "true_tip", "sensed"))
-    assert env.settings.substeps == 5
-    run = env.arm.simulate(states[0], actions * [150.0, 50.0], 0.4, step=0.01, substeps=5)
-    np.testing.assert_allclose(states, run.state, rtol=0.0, atol=1e-12 * np.abs(states).max())
-    assert np.abs(run.tip_deflection).max() > 0.1
-    np.testing.assert_allclose(tips, env.arm.tip(states[:, : env.arm.size]), rtol=0.0, atol=1e-12)
-    at = env.arm.position(states[:, : env.arm.size], 2, env.settings.sensor_position)
-    np.testing.assert_allclose(sensed, at, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.usefixtures("uncompiled")

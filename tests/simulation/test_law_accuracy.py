@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,9 @@ RNG = np.random.default_rng(2008)
 UNEQUAL = ArmParameters.linear(
     link_lengths=(5.0, 4.2), masses_per_length=(0.4, 0.3), flexural_rigidities=(2000.0, 1500.0), modes_per_link=2
 )
-LAP, ONE_CORNER = 16_000, 4300  # control periods
+ONE_CORNER = 4300  # control periods
+CHANGING = Problem(sensor=END_EFFECTOR, periods=1500, gain=np.repeat(RNG.uniform(0.2, 1.0, 30), 50))
+RESTLESS = Problem(sensor=END_EFFECTOR, periods=100, gain=RNG.uniform(0, 2, 100), noise=RNG.normal(0, 0.02, (100, 2)))
 
 CASES: dict[str, tuple[Problem, float, float]] = {
     "paper, collocated, lap": (Problem(), 7e-5, 7e-5),
@@ -39,18 +42,8 @@ CASES: dict[str, tuple[Problem, float, float]] = {
     "paper, negative elbow": (Problem(sensor=END_EFFECTOR, periods=ONE_CORNER, elbow=-1.0), 3e-5, 5e-5),
     "paper, counterclockwise": (Problem(sensor=END_EFFECTOR, periods=ONE_CORNER, clockwise=False), 3e-5, 5e-5),
     "paper, current Jacobian": (Problem(sensor=SensorParameters(rate_jacobian="current"), periods=3000), 2e-4, 2e-4),
-    "paper, gain 0.2 to 1 every 50 ms": (
-        Problem(sensor=END_EFFECTOR, periods=1500, gain=np.repeat(RNG.uniform(0.2, 1.0, 30), 50)),
-        2e-4,
-        6e-4,
-    ),
-    "paper, gain and noise every ms": (
-        Problem(
-            sensor=END_EFFECTOR, periods=100, gain=RNG.uniform(0.0, 2.0, 100), noise=RNG.normal(0.0, 0.02, (100, 2))
-        ),
-        2e-4,
-        1e-3,
-    ),
+    "paper, gain 0.2 to 1 every 50 ms": (CHANGING, 2e-4, 6e-4),
+    "paper, gain and noise every ms": (RESTLESS, 2e-4, 1e-3),
     "paper, other gains": (Problem(PAPER, END_EFFECTOR, LawParameters(80.0, 30.0), periods=ONE_CORNER), 5e-5, 5e-5),
     "paper, gain 17": (Problem(periods=ONE_CORNER, gain=17.0), 5e-5, 6e-5),
     "2 modes, end effector": (Problem(arm_of(2), END_EFFECTOR, periods=ONE_CORNER), 4e-4, 4e-4),
@@ -71,40 +64,21 @@ def test_agrees_with_the_oracle(name: str) -> None:
 # that it is the same equation: nothing but the step separates the two.
 FINE_STEP = 2.5e-5
 MOVING = np.array([*Problem().start_state()[:4], 3.0, -4.0, 5.0, -5.0])
+LATE_RATES, WEAK = partial(SensorParameters, delayed="position+rate"), LawParameters(torque_limit=(100.0, 50.0))
+SHAKEN = np.repeat(RNG.normal(0.0, 0.02, (10, 2)), 6, axis=0)
+NOISY = Problem(sensor=LATE_RATES("true", position=2.0), noise=SHAKEN, periods=60)
 HARD_CASES: dict[str, tuple[Problem, float, float]] = {
-    "rates delayed: unstable": (Problem(sensor=SensorParameters(delayed="position+rate"), periods=60), 2e-5, 1.3e-2),
-    "rates delayed by 1.2 ms: unstable": (
-        Problem(sensor=SensorParameters(delay=1.2e-3, delayed="position+rate"), periods=4),
-        5e-5,
-        0.14,
-    ),
-    "rates delayed by less than a step": (  # the feedback's delay times its fastest pole is 1.1: barely stable
-        Problem(sensor=SensorParameters(delay=1e-4, delayed="position+rate"), periods=300),
-        6e-5,
-        0.35,
-    ),
+    "rates delayed: unstable": (Problem(sensor=LATE_RATES(), periods=60), 2e-5, 1.3e-2),
+    "rates delayed by 1.2 ms: unstable": (Problem(sensor=LATE_RATES(delay=1.2e-3), periods=4), 5e-5, 0.14),
+    # the feedback's delay times its fastest pole is 1.1: barely stable
+    "rates delayed by less than a step": (Problem(sensor=LATE_RATES(delay=1e-4), periods=300), 6e-5, 0.35),
     "true sensor, undelayed": (Problem(sensor=SensorParameters("true", delay=0.0), periods=100), 3e-5, 3e-2),
     "true sensor": (Problem(sensor=SensorParameters("true"), periods=80), 1e-5, 1e-2),
-    "true sensor 2 m past the elbow, late rates, noise": (
-        Problem(
-            sensor=SensorParameters("true", position=2.0, delayed="position+rate"),
-            noise=np.repeat(RNG.normal(0.0, 0.02, (10, 2)), 6, axis=0),
-            periods=60,
-        ),
-        1e-5,
-        1e-3,
-    ),
+    "true sensor 2 m past the elbow, late rates, noise": (NOISY, 1e-5, 1e-3),
     "torque limit": (Problem(law=LawParameters(torque_limit=(200.0, 100.0)), periods=1500), 2e-5, 6e-3),
-    "low torque limit, delayed": (
-        Problem(PAPER, END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=700),
-        2e-5,
-        3e-3,
-    ),
-    "torque limit, 2 modes": (
-        Problem(arm_of(2), END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=500),
-        1.3e-3,  # second order at the kinks: 6e-4 found, from 1.4e-2 at the default step
-        3e-2,
-    ),
+    "low torque limit, delayed": (Problem(PAPER, END_EFFECTOR, WEAK, periods=700), 2e-5, 3e-3),
+    # second order at the kinks: 6e-4 found, from 1.4e-2 at the default step
+    "torque limit, 2 modes": (Problem(arm_of(2), END_EFFECTOR, WEAK, periods=500), 1.3e-3, 3e-2),
     "moving at the start": (Problem(sensor=END_EFFECTOR, start=MOVING, periods=60), 1e-5, 1.1e-3),
     "delay of whole steps": (Problem(sensor=SensorParameters(delay=(0.031, 0.0155)), periods=1500), 1e-6, 6e-5),
     "delay of one step": (Problem(sensor=SensorParameters(delay=2.5e-4), periods=500), 1e-6, 1e-4),

@@ -38,39 +38,20 @@ _ON_POLICY = {name: TINY[name] for name in ("rollout", "epochs")}
 _ALIKE = {name: value for name, value in TINY.items() if name not in _ON_POLICY}
 _OFF_POLICY = {"buffer": 400, "learning_starts": 60, "train_every": 4, "updates": 1}
 _READINGS = ("joint_angles", "joint_rates", "sensed_position", "reference_position", "reference_velocity")
+_RECURRENT = {**TINY, "algorithm": "recurrent_ppo", "lstm": 8}
+_SAC = {**_ALIKE, **_OFF_POLICY, "algorithm": "sac"}
+_OBSERVED = {**TINY["options"], "observation": [*_READINGS, "last_actions"]}
+_BEGUN = {"options": {}, "hidden": [128, 128], "initial_policy": "student_gauges"}
 TINIES: dict[str, dict[str, Any]] = {
-    "recurrent_ppo": {**TINY, "algorithm": "recurrent_ppo", "lstm": 8},
-    "sac": {**_ALIKE, **_OFF_POLICY, "algorithm": "sac"},
-    "tqc": {**_ALIKE, **_OFF_POLICY, "algorithm": "tqc", "quantiles": 5, "learning_starts": 300},
+    "recurrent_ppo": _RECURRENT,
+    "sac": _SAC,
+    "tqc": {**_SAC, "algorithm": "tqc", "quantiles": 5, "learning_starts": 300},
     "lags": {**TINY, "lags": [1, 3]},
-    "observer": {
-        **TINY,
-        "observer": "nominal",
-        "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
-    },
+    "observer": {**TINY, "observer": "nominal", "options": _OBSERVED},
     "curriculum": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
-    "recurrent curriculum": {
-        **TINY,
-        "algorithm": "recurrent_ppo",
-        "lstm": 8,
-        "curriculum_options": {"start": "moving"},
-        "curriculum_steps": 450,
-    },
-    "sac curriculum": {
-        **_ALIKE,
-        **_OFF_POLICY,
-        "algorithm": "sac",
-        "curriculum_options": {"start": "moving"},
-        "curriculum_steps": 300,
-    },
-    "initial": {
-        **TINY,
-        "options": {},
-        "hidden": [128, 128],
-        "initial_policy": "student_gauges",
-        "value_steps": 300,
-        "value_learning_rate": 3e-3,
-    },
+    "recurrent curriculum": {**_RECURRENT, "curriculum_options": {"start": "moving"}, "curriculum_steps": 450},
+    "sac curriculum": {**_SAC, "curriculum_options": {"start": "moving"}, "curriculum_steps": 300},
+    "initial": {**TINY, **_BEGUN, "value_steps": 300, "value_learning_rate": 3e-3},
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
