@@ -30,13 +30,9 @@ PRIVATE: dict[str, dict[str, str]] = {
     "numba.core.registry": {"cpu_target": ""},
     "numba.core.runtime.nrt": {"rtsys": ""},
     "numba.core.serialize": {"dumps": "obj"},
-    "numba.core.typing.templates": {
-        "AbstractTemplate": "",
-        "AttributeTemplate": "",
-        "infer_getattr": "",
-        "infer_global": "",
-        "signature": "",
-    },
+    "numba.core.typing.templates": dict.fromkeys(
+        ("AbstractTemplate", "AttributeTemplate", "infer_getattr", "infer_global", "signature"), ""
+    ),
     "numba.np.arrayobj": {"populate_array": "array data shape strides itemsize meminfo parent"},
 }
 # Attributes of these, by "module:object".

@@ -17,9 +17,9 @@ pytest.importorskip("pygame")
 GAIN, SQUARE = "flexarm_env:FlexArm/SquareGain-v0", "flexarm_env:FlexArm/Square-v0"
 
 
-def stepped(env: gymnasium.Env[Any, Any], steps: int) -> np.ndarray:
-    """Draw the picture after some steps with gain 1 from the standard start."""
-    env.reset(seed=0, options={"start": "corner"})
+def stepped(env: Any, steps: int, seed: int = 0) -> Any:
+    """Draw the picture, or pictures, after some steps with the largest action from the standard start."""
+    env.reset(seed=seed, options={"start": "corner"})
     for _ in range(steps):
         env.step(np.ones(env.action_space.shape, np.float32))
     return env.render()
@@ -48,16 +48,10 @@ def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
 def test_a_batch_draws_each_of_its_arms() -> None:
     envs = gymnasium.make_vec(SQUARE, num_envs=3, arm="linear", render_mode="rgb_array")
     assert envs.render() is None  # nothing to show yet
-    envs.reset(seed=0)
-    for _ in range(3):
-        envs.step(np.ones((3, 2), np.float32))
-    pictures = envs.render()
-    alone = gymnasium.make(SQUARE, arm="linear", render_mode="rgb_array")
-    alone.reset(seed=1)
-    for _ in range(3):
-        alone.step(np.ones(2, np.float32))
+    pictures = stepped(envs, 3)
     assert len(pictures) == 3
-    np.testing.assert_array_equal(pictures[1], alone.render())
+    alone = gymnasium.make(SQUARE, arm="linear", render_mode="rgb_array")
+    np.testing.assert_array_equal(pictures[1], stepped(alone, 3, seed=1))
     envs.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -15,19 +16,24 @@ from flexarm_env.laps import LAPS
 SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
 
 
-@pytest.mark.parametrize("lap", LAPS)
-def test_laps_follow_each_other(lap: str) -> None:
-    """theta1 winds once a lap around the shoulder; the shipped policy is as good in the fifth as in the second."""
-    agent = load_policy("square")
-    env = agent.make_env(max_episode_steps=8000)
+def followed(env: Any, lap: str, act: Callable[[Any], Any]) -> tuple[list[float], dict[str, Any]]:
+    """Follow a lap until the time limit; return the tip's error at each instant [m], and the last info."""
     observation, info = env.reset(seed=0, options=LAPS[lap].reset_options())
     errors = []
     truncated = False
     while not truncated:
-        action, _ = agent.policy.predict(observation, deterministic=True)
-        observation, _, terminated, truncated, info = env.step(action)
+        observation, _, terminated, truncated, info = env.step(act(observation))
         assert not terminated, info
-        errors.append(np.linalg.norm(info["true_tip"] - info["reference"]))
+        errors.append(info["tip_error"])
+    return errors, info
+
+
+@pytest.mark.parametrize("lap", LAPS)
+def test_laps_follow_each_other(lap: str) -> None:
+    """theta1 winds once a lap around the shoulder; the shipped policy is as good in the fifth as in the second."""
+    agent = load_policy("square")
+    act = agent.policy.predict
+    errors, info = followed(agent.make_env(max_episode_steps=8000), lap, lambda o: act(o, deterministic=True)[0])
     laps = np.sqrt(np.mean(np.square(errors).reshape(5, 1600), axis=1))
     assert info["state"][0] < -8.0 * np.pi
     np.testing.assert_allclose(laps[2:], laps[1], rtol=0.2)
@@ -47,14 +53,7 @@ def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
 @pytest.mark.parametrize("lap", LAPS)
 def test_the_inner_law_alone_keeps_within_two_metres(lap: str) -> None:
     """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found on the swing lap, at its start."""
-    env = gymnasium.make(RESIDUAL, arm="linear")
-    env.reset(seed=0, options=LAPS[lap].reset_options())
-    errors = []
-    truncated = False
-    while not truncated:
-        *_, terminated, truncated, info = env.step(np.zeros(2, np.float32))
-        assert not terminated, info
-        errors.append(np.linalg.norm(info["true_tip"] - info["reference"]))
+    errors, _ = followed(gymnasium.make(RESIDUAL, arm="linear"), lap, lambda observation: np.zeros(2, np.float32))
     assert len(errors) == 1600
     assert 0.0 < max(errors) < 2.0
 
