@@ -66,6 +66,21 @@ class Pair(Number):
 
 
 @dataclass(frozen=True)
+class ZeroOr(Number):
+    """0, or a finite number in [least, most]."""
+
+    @property
+    def text(self) -> str:
+        """See `Allowed`."""
+        return f"0, or {super().text}"
+
+    def check(self, name: str, value: Any) -> Any:
+        """See `Allowed`."""
+        found = number(name, value, self.unit)
+        return found and super().check(name, found)
+
+
+@dataclass(frozen=True)
 class Integer:
     """An integer in [least, most].
 

@@ -114,17 +114,14 @@ def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
         )
 
 
-def _episode_arm(arm: FlexibleArm, drawn: dict[str, float]) -> FlexibleArm:
-    """Return the arm of an episode, whose payload, stiffness and damping may have been drawn."""
+def _episode_arm(arm: FlexibleArm, drawn: dict[str, Any]) -> FlexibleArm:
+    """Return the arm of an episode, some of whose parameters may have been drawn."""
     own = arm.parameters
-    changes: dict[str, Any] = {}
-    if drawn["payload_mass"] != own.payload_mass:
-        changes["payload_mass"] = drawn["payload_mass"]
+    found = replace(own, damping_ratio=drawn["damping"], **{name: x for name, x in drawn.items() if hasattr(own, name)})
     if drawn["stiffness"] != 1.0:
-        changes["flexural_rigidities"] = tuple(drawn["stiffness"] * x for x in own.flexural_rigidities)
-    if drawn["damping"] != own.damping_ratio:
-        changes["damping_ratio"] = drawn["damping"]
-    return FlexibleArm(replace(own, **changes)) if changes else arm
+        rigidities = tuple(drawn["stiffness"] * x for x in found.flexural_rigidities)
+        found = replace(found, flexural_rigidities=rigidities)
+    return arm if found == own else FlexibleArm(found)
 
 
 _MEASURED = ("time", "state", "true_tip", "reference", "sensed")  # of infos, at an instant

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from flexarm_env.codegen.arrays import Four
 from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.drawing import Drawing
 from flexarm_env.envs.settings import Settings
-from flexarm_env.parameters import SENSOR_MODELS, ArmParameters
+from flexarm_env.kernels.entries import DRAWN
+from flexarm_env.parameters import SENSOR_MODELS, ArmParameters, arm_parameters
 from flexarm_env.physics.coordinates import rigid_tip
 from flexarm_env.physics.sensing import Truth
 
@@ -52,9 +54,9 @@ class ChainPlant:
         self._arm = settings.flexible_arm
         self._gauges = ChainGauges(self._arm, options.segments)
         self._step = settings.control_period / settings.substeps
-        self._build(self._arm.parameters)
+        self._build(self._arm.parameters, settings)
 
-    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+    def begin(self, state: Array, quantities: Mapping[str, Any]) -> None:
         """See `Plant.begin`."""
         self._take(quantities)
         self.chain.pose(*(self._angles(half) for half in np.split(state, 2)))
@@ -63,14 +65,15 @@ class ChainPlant:
         """See `Plant.get_state`."""
         return self.chain.get_state()
 
-    def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
+    def set_state(self, state: Array, quantities: Mapping[str, Any]) -> None:
         """See `Plant.set_state`."""
         self._take(quantities)
         self.chain.set_state(state)
 
-    def _take(self, quantities: Mapping[str, float]) -> None:
+    def _take(self, quantities: Mapping[str, Any]) -> None:
         """Be the chain of an episode with these quantities."""
-        own = self._arm.parameters
+        settings = self._settings.having({name: x for name, x in quantities.items() if name not in DRAWN})
+        own = arm_parameters(settings.arm)
         factor = quantities["stiffness"]
         first, second = own.flexural_rigidities
         parameters = replace(
@@ -79,8 +82,8 @@ class ChainPlant:
             damping_ratio=quantities["damping"],
             flexural_rigidities=(factor * first, factor * second),
         )
-        if parameters != self.chain.parameters:
-            self._build(parameters)
+        if (parameters, settings) != (self.chain.parameters, self._present):
+            self._build(parameters, settings)
 
     def advance(self, command: Array, reference: Four | None) -> Sequence[float] | Array:
         """See `Plant.advance`."""
@@ -132,8 +135,8 @@ class ChainPlant:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _build(self, parameters: ArmParameters) -> None:
-        options, settings = self._options, self._settings
+    def _build(self, parameters: ArmParameters, settings: Settings) -> None:
+        options, self._present = self._options, settings
         model = chain_model(options.segments, parameters)
         self._substeps = stable_steps(model, self._step, options.chain_step)
         model.opt.timestep = self._step / self._substeps

@@ -18,6 +18,7 @@ from flexarm_env.codegen.memory import WORD, machine_memory
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.drawing import Drawing, drawing_of
+from flexarm_env.envs.draws import Draws
 from flexarm_env.envs.kernel_inputs import (
     NAN,
     fixed_rows,
@@ -59,6 +60,7 @@ class BatchSimulator(LaneBatch):
         settings: settings of environment 0; those of all environments without `per_env`.
         each: settings of each environment.
         layout: of the observations.
+        draws: what episodes draw; `draws.ranges` can be assigned.
         failures: reason for the end of an episode, by its status; status 0 is that of a valid state.
         everyone: mask of all environments; read-only. Shape (N,).
         usual_requests: requests for new episodes by the settings alone; read-only. Shape (N, columns).
@@ -101,10 +103,11 @@ class BatchSimulator(LaneBatch):
         self.each = each if len(each) == count else each * count
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])
+        self.draws = Draws(kinds, kind_of, column.STATE + 2 * settings.flexible_arm.size)
         super().__init__(self._lanes(variant, kinds, kind_of), threads)
         rows = [fixed_rows(one) for one in kinds]
         self._put_rows(rows, kind_of)
-        self._fixed = frozenset(rows[0])
+        self._fixed = frozenset(rows[0]) - self.draws.rows
         self.failures = failures(settings.flexible_arm.size) | REASONS
         self.usual_requests = self._reset_requests[:count].copy()
         self.usual_requests.setflags(write=False)
@@ -117,9 +120,9 @@ class BatchSimulator(LaneBatch):
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
         owns = np.array([lane_numbers(one, variant.program) for one in kinds])
-        if len(kinds) > 1:
+        if len(kinds) > 1 or self.draws.further:
             owns = owns[kind_of[np.minimum(np.arange(width), count - 1)]]
-        requests = _usual_requests(settings, count, width)
+        requests = _usual_requests(settings, count, (width, self.draws.columns))
         header, table = header_and_settings(kinds, variant.program, self.layout)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
         header[word.REQUEST_COLUMNS] = requests.shape[1]
@@ -138,6 +141,7 @@ class BatchSimulator(LaneBatch):
         """Make the views of the memory."""
         super()._link()
         self._keys, self._reset_requests = self._view("KEYS"), self._view("RESET_REQUESTS")
+        self._own_settings = self._view("LANE_SETTINGS")
         self.actions, self.observations = self._view("ACTIONS"), self._view("OBSERVATIONS")
         self.single_result = self._arenas[0, self._results, 0]
         end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
@@ -168,12 +172,22 @@ class BatchSimulator(LaneBatch):
         """Request that the next step begins episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
-        usual = reset_requests is self.usual_requests
-        if not (usual and self._usual):  # the memory holds the usual requests until others are written
+        usual, drawing = reset_requests is self.usual_requests, not self.draws.nothing
+        if drawing or not (usual and self._usual):  # the memory holds the usual requests until others are written
             self._usual = False
-            self._reset_requests[which] = reset_requests[which]
+            self._reset_requests[which] = self.draws.completed(reset_requests[which], keys, which)
+            if self.draws.further:
+                self._put_constants(which)
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
             self._header[word.READINGS] = ALL_READINGS
+
+    def _put_constants(self, which: NDArray[np.int64]) -> None:
+        """Give environments that begin an episode the constants that follow from what it draws."""
+        for i in which.tolist():
+            rows, self._own_settings[i] = self.draws.constants(self._reset_requests[i], i, self._variant.program)
+            block, lane = divmod(i, self._arenas.shape[2])
+            for name, values in rows.items():
+                self._lane_rows(name)[block, :, lane] = values
 
     def step(self) -> None:
         """Advance all environments by one control period with `actions`, and begin the requested episodes."""
@@ -216,7 +230,11 @@ class BatchSimulator(LaneBatch):
     def _states(self) -> States:
         views = Views(
             *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
-            *(self.observations, self._paths),
+            *(
+                self.observations,
+                self._paths,
+                self._reset_requests[:, column.STATE + 2 * self.settings.flexible_arm.size :],
+            ),
         )
         return States(views, self._variant, self._fixed, len(self._plant_state()))
 
@@ -230,6 +248,10 @@ class BatchSimulator(LaneBatch):
     def episode_data(self) -> Array:
         """Return the rows that describe the present episodes, EPISODE to BRANCH, in a new array. Shape (N, k)."""
         return self._get("EPISODE", sum(sizes_between(self._rows, "EPISODE", "BRANCH").values()))
+
+    def drawn_values(self) -> dict[str, Array]:
+        """Return options and parameters of the arm that the present episodes have drawn. Shape (N,) or (N, 2) each."""
+        return self.draws.values(self._reset_requests[: self.count])
 
     def path_names(self) -> NDArray[np.str_]:
         """Return the names of the paths that the environments follow. Shape (N,)."""
@@ -265,7 +287,7 @@ class BatchSimulator(LaneBatch):
         return self.each, self.count, self._threads
 
     def _kept(self) -> dict[str, Any]:
-        kept: dict[str, Any] = {"_usual": self._usual}
+        kept: dict[str, Any] = {"_usual": self._usual, "draws": self.draws}
         return kept | {"results": self.results} if self._ready else kept
 
 
@@ -299,9 +321,9 @@ def _check_room(count: int, variant: Variant, kinds: Sequence[Settings]) -> None
         )
 
 
-def _usual_requests(settings: Settings, count: int, lanes: int) -> Array:
+def _usual_requests(settings: Settings, count: int, shape: tuple[int, int]) -> Array:
     """Return requests for episodes by the settings alone. Shape (lanes, columns)."""
-    usual = np.full((lanes, column.STATE + 2 * settings.flexible_arm.size), NAN)
+    usual = np.full(shape, NAN)
     usual[:, column.START] = START_CODES[settings.start]
     usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
     return usual

@@ -10,7 +10,7 @@ from typing import Any
 
 from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
-from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
+from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
 from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, real_array, shown
 
@@ -152,12 +152,6 @@ def checked_arm(name: str, value: Any) -> Any:
     """Check the option `arm` and return it as it was given; see `arm_parameters` for the errors."""
     arm_parameters(value)
     return dict(value) if isinstance(value, Mapping) else value
-
-
-def checked_hold(name: str, value: Any) -> float:
-    """Check the period of the sensor's clock [s]: 0, or at least `SHORTEST_HOLD`, since it is a divisor."""
-    hold = number(name, value, "s", most=MAX_DELAY)
-    return number(name, value, "s", least=SHORTEST_HOLD, most=MAX_DELAY) if hold else hold
 
 
 def checked_previews(name: str, value: Any) -> tuple[float, ...]:

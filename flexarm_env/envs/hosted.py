@@ -31,12 +31,12 @@ Array = NDArray[np.float64]
 class Plant(Protocol):
     """An arm with two motors and sensors, as an environment with some `Settings` needs one."""
 
-    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+    def begin(self, state: Array, quantities: Mapping[str, Any]) -> None:
         """Put the arm into the state in which an episode begins.
 
         Args:
             state: public state of the settings' arm, whose shapes the plant takes as far as it can. Shape (4 + 4 m,).
-            quantities: of the episode (`kernels.entries.Drawn`), by name.
+            quantities: of the episode (`entries.Drawn`), and what else it has drawn (`options.DRAWABLE`), by name.
         """
 
     def advance(self, command: Array, reference: Four | None) -> Sequence[float] | Array:
@@ -77,7 +77,7 @@ class Plant(Protocol):
         A plant without this method and `set_state` has environments whose states cannot be copied.
         """
 
-    def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
+    def set_state(self, state: Array, quantities: Mapping[str, Any]) -> None:
         """Go on from a state that `get_state` has returned in an episode with these quantities, to the last bit."""
 
 
@@ -176,9 +176,10 @@ class HostedSimulator(BatchSimulator):
         self.plant.begin(arm.public_state(np.concatenate([y, v])), self._quantities())
         self._slots[int(self._clocks[0, clock_row.HEAD, 0])] = self.plant.readings()
 
-    def _quantities(self) -> dict[str, float]:
-        """Return the quantities of the episode by name."""
-        return dict(zip(DRAWN, self._part("EPISODE").tolist(), strict=True))
+    def _quantities(self) -> dict[str, Any]:
+        """Return the quantities of the episode, and what else it has drawn, by name."""
+        drawn = {name: values[0].tolist() for name, values in self.drawn_values().items()}
+        return dict(zip(DRAWN, self._part("EPISODE").tolist(), strict=True)) | drawn
 
     def _chord(self, steps: int) -> Four:
         """Return the reference over an integration step that begins some steps after now."""

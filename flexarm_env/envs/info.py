@@ -131,7 +131,7 @@ class Episode(NamedTuple):
 
     Attributes:
         parameters: by name `delay` [s], `payload_mass` [kg], `stiffness` [1], `damping` [1], `noise` [m],
-            `actuation_delay` [s]; drawn or not.
+            `actuation_delay` [s], drawn or not; then what else `randomisation` names.
         path: name of the path.
         start_time: moment of the lap at which the episode began [s].
         elbow_branch: on which side of 0 theta2 is for the rigid arm on the target, "positive" or "negative".
@@ -147,7 +147,7 @@ class Episode(NamedTuple):
     def one(self, index: int) -> Episode:
         """Return the episode of one environment of a batch."""
         parameters, *others = self
-        drawn = {name: values[index].item() for name, values in parameters.items()}
+        drawn = {name: values[index].tolist() for name, values in parameters.items()}
         return Episode(drawn, *(each[index].item() for each in others))
 
 
@@ -155,7 +155,7 @@ def episodes(simulator: BatchSimulator) -> Episode:
     """Describe the present episodes of a batch."""
     numbers = simulator.episode_data()
     return Episode(
-        parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
+        parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)} | simulator.drawn_values(),
         path=simulator.path_names(),
         start_time=numbers[:, len(DRAWN)].copy(),
         elbow_branch=np.where(numbers[:, len(DRAWN) + 1] > 0.0, "positive", "negative"),

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
+from flexarm_env.envs.corners import ends
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
+from flexarm_env.physics.constants import ConstantChanges
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.lanes import ALL_READINGS
 from flexarm_env.simulation.limits import state_limits
@@ -42,11 +44,13 @@ def _readings_of(settings: Settings) -> int:
     If the delay is constant, each sample lies between the same two steps of a period; other readings are not needed.
     """
     s = settings
-    varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.mode.law == "tip"
-    if varies or s.substeps > 62:
+    cases = s, *ends(s)
+    varies = "delay" in s.randomisation or s.mode.law == "tip" or any(one.jitter or one.hold for one in cases)
+    delays = {(*one.sensor_delays, *(each.delay for each in one.further_sensors)) for one in cases}
+    if varies or len(delays) > 1 or s.substeps > 62:
         return ALL_READINGS
     bits = 0
-    for delay in (*s.sensor_delays, *(one.delay for one in s.further_sensors)):
+    for delay in delays.pop():
         back = delay / (s.control_period / s.substeps)
         # with a tolerance on both sides: a whole number of steps may be rounded up or down
         for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
@@ -154,30 +158,33 @@ def _numbers(settings: Settings, program: Program) -> Array:
     return in_order(dict(places), values)
 
 
-def lane_numbers(settings: Settings, program: Program) -> Array:
-    """Return the settings of a lane, in the order of `entries.LaneSetting`."""
-    s = settings
-    arm = s.flexible_arm
+def lane_numbers(settings: Settings, program: Program, changes: ConstantChanges | None = None) -> Array:
+    """Return the settings of a lane, in the order of `entries.LaneSetting`.
+
+    Args:
+        settings: of its environment.
+        program: of the kernels.
+        changes: constants of the arm of the present episode; None: the settings' arm.
+    """
+    s, changes = settings, changes or settings.flexible_arm.changes
     values: dict[str, Any] = {
         "BRANCH": [BRANCH_CODES[s.elbow_branch]],
         "DIRECTION": [DIRECTION_CODES[s.direction]],
         "SENSOR_DELAYS": s.sensor_delays,
-        **_drawn(s),
-        "ARM": arm.constants.flat(),
-        "PER_PAYLOAD": arm.changes.payload_mass,
-        "PER_DAMPING": arm.changes.damping,
+        "BASE": _base(s),
+        "ARM": changes.base,
+        "PER_PAYLOAD": changes.payload_mass,
+        "PER_DAMPING": changes.damping,
     }
     return in_order(LaneSetting.layout(shape_of(s, program)), values)
 
 
-def _drawn(settings: Settings) -> dict[str, list[float]]:
-    """Return, for each quantity that an episode may draw, the own value and the bounds of its range (NaN: none)."""
+def _base(settings: Settings) -> list[float]:
+    """Return the own value of each quantity of an episode."""
     base = {name: settings.own_value(name) for name in DRAWN}
     if not isinstance(settings.delay, float):
         base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
-    ranges = [settings.range_of(name) if name in settings.randomisation else (NAN, NAN) for name in DRAWN]
-    lowest, highest = zip(*ranges, strict=True)
-    return {"BASE": [base[name] for name in DRAWN], "LOWEST": list(lowest), "HIGHEST": list(highest)}
+    return [base[name] for name in DRAWN]
 
 
 def _observed_rows(settings: Settings, program: Program, observed: ObservationLayout) -> NDArray[np.int64]:

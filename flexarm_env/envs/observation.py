@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.blocks import BLOCKS, ENCODERS, READINGS
 from flexarm_env.envs.bounds import reach_of
+from flexarm_env.envs.corners import worst
 from flexarm_env.envs.sensors import LINK_2
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import Shape
@@ -77,7 +78,12 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
         kinds: distinct settings of the environments.
         program: program of the kernels.
     """
-    layouts = [observation_layout(settings, program) for settings in kinds]
+
+    def widest(settings: Settings) -> float:
+        return float(observation_layout(settings, program).bound.sum())
+
+    corners = [worst(settings, widest) for settings in kinds]
+    layouts = [observation_layout(settings, program) for settings in (*kinds, *corners)]
     assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
     return layouts[0]._replace(bound=np.maximum.reduce([one.bound for one in layouts]))
 

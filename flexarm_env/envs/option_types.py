@@ -65,7 +65,7 @@ class EnvOptions(TypedDict, total=False):
     elbow_branch: str
     start: Start
     start_spread: Sequence[float]
-    randomisation: Mapping[str, Sequence[float]]
+    randomisation: Mapping[str, Sequence[Any]]
     reward_weights: Mapping[str, float]
     deflection_limit: float | None
     error_limit: float | None

@@ -7,7 +7,8 @@ made from the text beside each option.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -22,6 +23,7 @@ from flexarm_env.allowed import (
     OneOf,
     Optional,
     Pair,
+    ZeroOr,
     allowed_of,
     declared,
 )
@@ -29,13 +31,14 @@ from flexarm_env.envs.choices import DEFAULT_OBSERVATION, DEFAULT_WEIGHTS, START
 from flexarm_env.envs.consistency import (
     SHORTEST_HOLD,
     checked_arm,
-    checked_hold,
     checked_paths,
     checked_previews,
     checked_waypoints,
     checked_weights,
 )
-from flexarm_env.envs.quantities import NAMED_QUANTITIES, checked_ranges
+from flexarm_env.envs.distributions import checked_distribution
+from flexarm_env.envs.quantities import QUANTITIES, SHARED_BY_ARMS
+from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import (
     DIRECTIONS,
     EITHER,
@@ -44,6 +47,7 @@ from flexarm_env.parameters import (
     PRESETS,
     SENSOR_MODELS,
     WAVE_SPEED,
+    ArmParameters,
     Compensation,
     Corner,
     Delayed,
@@ -54,15 +58,20 @@ from flexarm_env.parameters import (
     SensorParameters,
     SquareParameters,
 )
-from flexarm_env.validation import names
+from flexarm_env.validation import entries, mapping, names, shown
 
 
-def _option(default: Any, text: str, allowed: Allowed) -> Any:
-    return declared(default, allowed, text=text)
+def _option(default: Any, text: str, allowed: Allowed, own: bool = False) -> Any:
+    return declared(default, allowed, text=text, own=own)
+
+
+def _own(default: Any, text: str, allowed: Allowed) -> Any:
+    """Declare an option that environments of a batch may have for themselves, and whose numbers episodes may draw."""
+    return _option(default, text, allowed, own=True)
 
 
 _LATE = Number(0.0, MAX_DELAY, "s")
-_HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
+_HOLD = ZeroOr(SHORTEST_HOLD, MAX_DELAY, "s")  # it is a divisor
 _INERTIAL = Pair(0.0, LARGEST_NOISE, "m/s^2, rad/s")
 _LIMIT = Optional(Number(1e-9, 1e9, "m"))
 
@@ -71,7 +80,7 @@ _LIMIT = Optional(Number(1e-9, 1e9, "m"))
 class Options:
     """All options as declared; `settings.Settings` checks them together."""
 
-    arm: str | Mapping[str, Any] = _option(
+    arm: str | Mapping[str, Any] = _own(
         "default",
         "the arm: a name, or a mapping of `ArmParameters` fields in which `preset` names the arm that sets the others",
         Custom(checked_arm, text=", ".join(f'"{name}"' for name in PRESETS) + ", or a mapping"),
@@ -84,7 +93,7 @@ class Options:
         "after a second of full random torques is at most 0.1 mm",
         Optional(Number(1e-9, 1.0, "s")),
     )
-    torque_limit: tuple[float, float] | None = _option(
+    torque_limit: tuple[float, float] | None = _own(
         None,
         "largest torques of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the "
         "path)",
@@ -96,21 +105,21 @@ class Options:
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),
     )
-    gain_limit: float = _option(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
+    gain_limit: float = _own(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(
         (0.3, 0.3), "shift of the joints' target at action 1", Pair(1e-6, np.pi, "rad")
     )
-    inner_stiffness: tuple[float, float] = _option(
+    inner_stiffness: tuple[float, float] = _own(
         (1000.0, 130.0), "stiffness of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m/rad")
     )
-    inner_resistance: tuple[float, float] = _option(
+    inner_resistance: tuple[float, float] = _own(
         (40.0, 30.0), "damping of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m s/rad")
     )
-    proportional_gain: float = _option(
+    proportional_gain: float = _own(
         150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain")
     )
-    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
-    compensation: Compensation = _option(
+    derivative_gain: float = _own(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
+    compensation: Compensation = _own(
         "none",
         'delay of the law\'s target: "none", "shared" (the shoulder\'s delay for both joints) or "per_joint"',
         allowed_of(LawParameters, "compensation"),
@@ -125,38 +134,38 @@ class Options:
         'angles in the Jacobian of the "rigid" sensor\'s velocity error',
         allowed_of(SensorParameters, "rate_jacobian"),
     )
-    delayed: Delayed = _option(
+    delayed: Delayed = _own(
         "position",
         'what is late of the "rigid" sensor: positions alone (the paper), or rates, too',
         allowed_of(SensorParameters, "delayed"),
     )
-    sensor: SensorModel = _option(
+    sensor: SensorModel = _own(
         "true",
         "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
         allowed_of(SensorParameters, "model"),
     )
-    sensor_position: float = _option(  # `Settings` has the number in place of None
+    sensor_position: float = _own(  # `Settings` has the number in place of None
         None,
         "distance of the sensor from the elbow; None: at the tip",
         Optional(allowed_of(SensorParameters, "position")),
     )
-    delay: float | tuple[float, float] | None = _option(
+    delay: float | tuple[float, float] | None = _own(
         None,
         "delay of the sensor's reading; None: distance over the wave speed; `randomisation` draws one from a range",
         allowed_of(SensorParameters, "delay"),
     )
-    wave_speed: float = _option(
+    wave_speed: float = _own(
         WAVE_SPEED, "wave speed c (15), which sets the delay", allowed_of(SensorParameters, "wave_speed")
     )
-    noise: float = _option(
+    noise: float = _own(
         0.0,
         "standard deviation of the noise in each coordinate of the sensor's reading",
         allowed_of(SensorParameters, "noise"),
     )
-    jitter: float = _option(0.0, "largest additional delay, drawn uniformly for each reading", _LATE)
-    hold: float = _option(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
-    dropout: float = _option(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
-    encoder_noise: tuple[float, float] = _option(
+    jitter: float = _own(0.0, "largest additional delay, drawn uniformly for each reading", _LATE)
+    hold: float = _own(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
+    dropout: float = _own(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
+    encoder_noise: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the noise of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )
     second_sensor_link: int | None = _option(
@@ -164,13 +173,13 @@ class Options:
         "link of a second sensor, which reads the true point; None: there is none",
         Optional(Integer(1, 2)),
     )
-    second_sensor_position: float | None = _option(
+    second_sensor_position: float | None = _own(
         None,
         "distance of the second sensor from its link's root; None: at the link's tip",
         Optional(allowed_of(SensorParameters, "position")),
     )
-    second_sensor_delay: float = _option(0.0, "delay of the second sensor's reading", _LATE)
-    second_sensor_noise: float = _option(
+    second_sensor_delay: float = _own(0.0, "delay of the second sensor's reading", _LATE)
+    second_sensor_noise: float = _own(
         0.0,
         "standard deviation of the noise in each coordinate of the second sensor's reading",
         allowed_of(SensorParameters, "noise"),
@@ -178,24 +187,24 @@ class Options:
     imu_link: int | None = _option(
         None, "link of an inertial measurement unit (IMU); None: there is none", Optional(Integer(1, 2))
     )
-    imu_position: float | None = _option(
+    imu_position: float | None = _own(
         None,
         "distance of the IMU from its link's root; None: at the link's tip",
         Optional(allowed_of(SensorParameters, "position")),
     )
-    imu_delay: float = _option(0.0, "delay of the IMU's reading", _LATE)
-    imu_noise: tuple[float, float] = _option(
+    imu_delay: float = _own(0.0, "delay of the IMU's reading", _LATE)
+    imu_noise: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the noise of accelerometer and gyro", _INERTIAL
     )
-    imu_bias: tuple[float, float] = _option(
+    imu_bias: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the biases of accelerometer and gyro, drawn for each episode", _INERTIAL
     )
-    imu_range: tuple[float, float] = _option(
+    imu_range: tuple[float, float] = _own(
         (160.0, 35.0),
         "full-scale ranges of accelerometer and gyro; the defaults are 16 g and 2000 degrees per second",
         Pair(1e-3, 1e6, "m/s^2, rad/s"),
     )
-    actuation_delay: float = _option(0.0, "time from an action to its effect; an inner law is not delayed", _LATE)
+    actuation_delay: float = _own(0.0, "time from an action to its effect; an inner law is not delayed", _LATE)
     observation: tuple[str, ...] = _option(
         DEFAULT_OBSERVATION, "names of the blocks of an observation, in order", Custom(names)
     )
@@ -223,10 +232,10 @@ class Options:
     )
     lap_time: float = _option(16.0, "duration of a lap", allowed_of(SquareParameters, "lap_time"))
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
-    direction: str = _option(
+    direction: str = _own(
         "clockwise", 'direction of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER))
     )
-    elbow_branch: str = _option(
+    elbow_branch: str = _own(
         EITHER,
         'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
         OneOf((*get_args(ElbowBranch), EITHER)),
@@ -237,10 +246,10 @@ class Options:
         "largest deviations of a moving start: joint angles, tip deflections of the first modes",
         Pair(0.0, 0.5, "rad, m"),
     )
-    randomisation: Mapping[str, tuple[float, float]] = _option(
+    randomisation: Mapping[str, tuple[Any, ...]] = _own(
         {},
-        f"ranges from which quantities are drawn for each episode: {NAMED_QUANTITIES}",
-        Custom(checked_ranges),
+        "distributions from which quantities and options are drawn for each episode (docs/how_to/randomise.md)",
+        Custom(lambda name, value: checked_ranges(name, value)),
     )
     reward_weights: Mapping[str, float] = _option(
         DEFAULT_WEIGHTS, "weights of the reward's terms; a term without one has weight 0", Custom(checked_weights)
@@ -251,3 +260,44 @@ class Options:
     error_limit: float | None = _option(
         2.5, "distance of the true tip from the target that ends an episode; None: no limit", _LIMIT
     )
+
+
+def _drawable() -> dict[str, Number]:
+    found = {name: Number(one.least, one.most, DRAWN[name]) for name, one in QUANTITIES.items()}
+    for one in (*fields(Options), *fields(ArmParameters)):
+        allowed = getattr(one.metadata["allowed"], "other", one.metadata["allowed"])
+        of_an_arm = one.name not in (*SHARED_BY_ARMS, "damping_ratio")
+        if isinstance(allowed, Number) and one.metadata.get("own", of_an_arm):
+            found.setdefault(one.name, allowed)
+    return found
+
+
+DRAWABLE = _drawable()  # allowed values of what episodes may draw, by name; a `Pair`: two numbers
+
+
+def each_of(name: str, given: Any) -> tuple[Any, ...]:
+    """Return what is given for each number of a name in `DRAWABLE`."""
+    return tuple(given) if isinstance(DRAWABLE[name], Pair) else (given,)
+
+
+def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[Any, ...]]:
+    """Check what is drawn for each episode: a distribution for each name in `DRAWABLE`, or two for two numbers.
+
+    Raises:
+        TypeError, ValueError: for an unknown name or a bad distribution.
+    """
+    ranges = {}
+    for name, given in mapping(label, randomisation).items():
+        if name not in DRAWABLE:
+            near = "".join(f"did you mean {one!r}? " for one in get_close_matches(str(name), DRAWABLE, 1))
+            known = ", ".join(map(repr, DRAWABLE))
+            raise ValueError(f"{label}[{shown(name)}]: no such quantity; {near}there are {known}")
+        what, allowed = f"{label}[{name!r}]", DRAWABLE[name]
+        if not isinstance(allowed, Pair):
+            ranges[name] = checked_distribution(what, given, allowed)
+            continue
+        both = entries(given) or []
+        if len(both) != 2 or any(entries(each) is None for each in both):
+            raise TypeError(f"{what} = {shown(given)}: must be two distributions, one for each of its numbers")
+        ranges[name] = tuple(checked_distribution(f"{what}[{n}]", each, allowed) for n, each in enumerate(both))
+    return ranges

@@ -10,19 +10,15 @@ from dataclasses import fields
 from typing import Any
 
 from flexarm_env.allowed import allowed_of
+from flexarm_env.envs.corners import ends
+from flexarm_env.envs.quantities import SHARED_BY_ARMS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.variants import shared_model
 from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
 
-OPTIONS = (
-    *("arm", "torque_limit", "inner_stiffness", "inner_resistance"),
-    *("gain_limit", "proportional_gain", "derivative_gain", "compensation", "delayed"),
-    *("sensor", "sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
-    *("actuation_delay", "direction", "elbow_branch", "randomisation"),
-)
+OPTIONS = tuple(one.name for one in fields(Settings) if one.metadata["own"])
 _SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in OPTIONS)
-SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
 
 
 def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner: str) -> Settings | list[Settings]:
@@ -79,11 +75,17 @@ def common_values(settings: Settings) -> dict[str, Any]:
 
 
 def refuse_unlike(each: Sequence[Settings]) -> None:
-    """Refuse settings of a batch that differ in what all its environments share.
+    """Refuse settings of a batch that differ in what all its environments share; also what its episodes may draw.
 
     Raises:
         ValueError: naming the option, the environment, its value and that of environment 0.
     """
+    for settings in {id(one): one for one in each}.values():
+        _refuse_unlike((settings, *ends(settings)), "randomisation")
+    _refuse_unlike(each, "per_env, environment {}")
+
+
+def _refuse_unlike(each: Sequence[Settings], label: str) -> None:
     first = each[0]
     common = common_values(first)
     equal = {id(first)}
@@ -93,7 +95,7 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
         equal.add(id(one))
         for name, value in common_values(one).items():
             if value != common[name]:
-                raise ValueError(f"per_env, environment {i}: {_unlike(name, one, first)}")
+                raise ValueError(f"{label.format(i)}: {_unlike(name, one, first)}")
 
 
 def _unlike(name: str, one: Settings, first: Settings) -> str:

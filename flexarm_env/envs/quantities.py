@@ -1,4 +1,4 @@
-"""Quantities that may be drawn for each episode: allowed ranges, own values, and what a reset may request.
+"""Quantities of an episode that kernels know: allowed ranges, own values, and what a reset may request.
 
 `kernels.entries.Drawn` has their places, meanings and units.
 """
@@ -11,7 +11,9 @@ from typing import Any
 
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import HEAVIEST_PAYLOAD, LARGEST_NOISE, MAX_DELAY
-from flexarm_env.validation import mapping, pair, shown
+
+# What all arms of a batch share.
+SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +21,6 @@ class Quantity:
     """Declaration of a quantity of an episode.
 
     Attributes:
-        note: unit or meaning, beside its name in the documentation.
         least: lowest end of a range.
         most: highest end of a range.
         own: function of `Settings` that returns its value if it is neither drawn nor requested.
@@ -28,7 +29,6 @@ class Quantity:
             memory, integration step and bounds are laid out.
     """
 
-    note: str
     least: float = 0.0
     most: float
     own: Callable[[Any], float]
@@ -37,25 +37,22 @@ class Quantity:
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "delay": Quantity(note="[s] (both joints)", most=MAX_DELAY, own=lambda s: max(s.sensor_delays)),
+    "delay": Quantity(most=MAX_DELAY, own=lambda s: max(s.sensor_delays)),
     "payload_mass": Quantity(
-        note="[kg]",
         most=HEAVIEST_PAYLOAD,
         own=lambda s: s.flexible_arm.parameters.payload_mass,
         least_requested=None,
         most_requested=HEAVIEST_PAYLOAD,  # a heavier arm is a slower one
     ),
-    "stiffness": Quantity(note="(factor)", least=0.1, most=10.0, own=lambda s: 1.0, least_requested=1e-3),
+    "stiffness": Quantity(least=0.1, most=10.0, own=lambda s: 1.0, least_requested=1e-3),
     "damping": Quantity(
-        note="(ratio of the free arm's first elastic mode)",
         most=1.0,
         own=lambda s: s.flexible_arm.parameters.damping_ratio,
     ),
-    "noise": Quantity(note="[m]", most=LARGEST_NOISE, own=lambda s: s.noise),
-    "actuation_delay": Quantity(note="[s]", most=MAX_DELAY, own=lambda s: s.actuation_delay),
+    "noise": Quantity(most=LARGEST_NOISE, own=lambda s: s.noise),
+    "actuation_delay": Quantity(most=MAX_DELAY, own=lambda s: s.actuation_delay),
 }
 assert tuple(QUANTITIES) == tuple(DRAWN)  # in the kernels' order
-NAMED_QUANTITIES = ", ".join(f"`{name}` {quantity.note}" for name, quantity in QUANTITIES.items())
 
 
 def orderable(settings: Any, name: str) -> tuple[float, float]:
@@ -71,21 +68,3 @@ def orderable(settings: Any, name: str) -> tuple[float, float]:
     low, high = settings.range_of(name)
     least, most = quantity.least_requested, quantity.most_requested
     return min(low, own) if least is None else least, max(high, own) if most is None else most
-
-
-def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[float, float]]:
-    """Check the ranges of the quantities that are drawn for each episode.
-
-    Raises:
-        TypeError, ValueError: for an unknown quantity or a bad range.
-    """
-    ranges = {}
-    for name, limits in mapping(label, randomisation).items():
-        if name not in QUANTITIES:
-            raise ValueError(f"{label}[{shown(name)}]: no such quantity; there are {', '.join(map(repr, QUANTITIES))}")
-        one = QUANTITIES[name]
-        low, high = pair(f"{label}[{shown(name)}]", limits, DRAWN[name], least=one.least, most=one.most)
-        if low > high:
-            raise ValueError(f"{label}[{shown(name)}] = {shown(limits)}: the first must not be above the second")
-        ranges[name] = (low, high)
-    return ranges

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from flexarm_env.envs.batch import START_CODES, BatchSimulator
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.corners import further_draws
+from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
@@ -25,7 +27,7 @@ OPTIONS = {
     "path": "name of the path, where the environment has several",
     "direction": "of the lap: " + ", ".join(f'"{name}"' for name in DIRECTION_CODES),
     "elbow_branch": "side of theta2 of the rigid arm on the target: " + ", ".join(f'"{name}"' for name in BRANCH_CODES),
-    "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
+    "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}; and of what else `randomisation` names",
     "state": "initial state of the arm in the public order, shape (4 + 4 m,); clock, sensors' memory, last actions and "
     "random numbers begin anew (`get_state` and `set_state` keep them)",
 }
@@ -68,18 +70,33 @@ def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulat
     if "elbow_branch" in asked:
         reset_requests[:, column.BRANCH] = _codes("elbow_branch", asked["elbow_branch"], BRANCH_CODES, simulator)
     for name, value in mapping("options['parameters']", asked.get("parameters", {})).items():
-        if name not in DRAWN:
-            raise ValueError(
-                f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
-            )
+        _request_parameter(reset_requests, name, value, simulator)
+    if "state" in asked:
+        states = _states(asked["state"], simulator)
+        reset_requests[:, column.STATE : column.STATE + states.shape[1]] = states
+    return reset_requests
+
+
+def _request_parameter(reset_requests: Array, name: str, value: Any, simulator: BatchSimulator) -> None:
+    """Request a quantity of the episode, or an option or parameter of the arm that it would draw."""
+    label, each = f"options['parameters'][{shown(name)}]", [further_draws(settings) for settings in simulator.each]
+    known = (*DRAWN, *(other for other in simulator.draws.further if all(other in draws for draws in each)))
+    if name not in known:
+        raise ValueError(f"{label}: no such quantity, or it is not drawn; there are {', '.join(map(repr, known))}")
+    if name in DRAWN:
         least, most = np.array([orderable(settings, name) for settings in simulator.each]).T
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
-        reset_requests[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
-            f"options['parameters'][{name!r}]", value, simulator, least, most, hint
-        )
-    if "state" in asked:
-        reset_requests[:, column.STATE :] = _states(asked["state"], simulator)
-    return reset_requests
+        found = _numbers(label, value, simulator, least, most, hint)
+        reset_requests[:, column.DRAWN + list(DRAWN).index(name)] = found
+        return
+    where, given = simulator.draws.further[name], real_array(label, value)
+    size = where.stop - where.start
+    if size > 1 and given.shape[-1:] != (size,):
+        raise ValueError(f"{label}: must have shape ({size},) or ({len(simulator)}, {size}), got {given.shape}")
+    for n in range(size):
+        ends = [ends_of(draws[name][n]) for draws in each]
+        numbers = given[..., n] if size > 1 else given
+        reset_requests[:, where.start + n] = _numbers(label, numbers, simulator, *np.array(ends).T)
 
 
 def _each(name: str, value: Any, simulator: BatchSimulator) -> list[Any]:

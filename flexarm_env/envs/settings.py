@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -13,6 +13,8 @@ from flexarm_env.actions import MODES, TORQUE_LIMIT, ActionMode, modes_reading
 from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
+from flexarm_env.envs.corners import ends, worst
+from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
@@ -77,6 +79,11 @@ class Settings(Options):
         for what in ("law", "sensor_parameters", "flexible_arm"):
             getattr(self, what)  # each derived value has its own checks
         self._refuse_what_does_not_fit()
+        for one, word in zip(ends(self), ("least", "largest"), strict=False):
+            try:
+                Settings(**{each.name: getattr(one, each.name) for each in fields(self)})
+            except ValueError as error:
+                raise ValueError(f"randomisation: with the {word} of what is drawn, {error}") from None
         for what in ("integration", "history_slots"):
             getattr(self, what)
 
@@ -94,6 +101,28 @@ class Settings(Options):
     def _check_sensor(self) -> None:
         refuse_off_link("sensor_position", self.sensor_position, 2, self.flexible_arm.parameters)
 
+    def having(self, values: Mapping[str, Any]) -> Settings:
+        """Return the settings of an episode that has drawn these options and parameters of the arm, unchecked.
+
+        Nothing else of the kind is drawn, and the integration step stays.
+
+        Args:
+            values: one number or two, by names of `options.DRAWABLE` but quantities of the kernels.
+        """
+        arm: dict[str, Any] = {}
+        known = {one.name: getattr(self, one.name) for one in fields(self)}
+        for name, numbers in values.items():
+            own = tuple(map(float, np.ravel(numbers)))
+            (known if name in known else arm)[name] = own if len(own) > 1 else own[0]
+        kept = ["paths", "integration", *([] if arm else ["flexible_arm"])]
+        known |= {name: self.__dict__[name] for name in kept if name in self.__dict__}
+        known["randomisation"] = {name: one for name, one in self.randomisation.items() if name in QUANTITIES}
+        if arm:
+            known["arm"] = replace(self.flexible_arm.parameters, **arm)
+        found = object.__new__(Settings)
+        found.__dict__.update(known)
+        return found
+
     # --- what follows ----------------------------------------------------------------------------------------------
 
     @property
@@ -109,7 +138,7 @@ class Settings(Options):
     def range_of(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity (`quantities.QUANTITIES`) that any episode may have."""
         own = self.own_value(name)
-        return self.randomisation.get(name, (own, own))
+        return ends_of(self.randomisation.get(name, (own, own)))
 
     def own_value(self, name: str) -> float:
         """Return the value of a quantity if it is neither drawn nor requested."""
@@ -167,7 +196,11 @@ class Settings(Options):
         """Whether noise, jitter, dropouts, a sensor with its own clock, or actuation delays can occur."""
         noise = (self.noise, *self.encoder_noise, *(x for one in self.further_sensors for x in one.noise + one.bias))
         own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
-        return own or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
+        return (
+            own
+            or any(one.disturbed for one in ends(self))
+            or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
+        )
 
     @property
     def motor_limit(self) -> tuple[float, float]:
@@ -190,15 +223,17 @@ class Settings(Options):
     @cached_property
     def integration(self) -> Integration:
         """How the arm is integrated; warns of a step that is coarser than the default."""
+        corner = worst(self, lambda one: max(fastest_rates(one)))
+        slow = worst(self, lambda one: -max(fastest_rates(one)))
         under_law = self.mode.law == "joints"
         what = "fastest pole under the inner law" if under_law else "fastest mode"
         name = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
-        period, known = self.control_period, (self.mode.integrator, max(fastest_rates(self)), name, what)
+        period, known = self.control_period, (self.mode.integrator, max(fastest_rates(corner)), name, what)
         count = count_substeps(period, self.physics_step, *known)
         if self.mode.integrator == "implicit":
             return Integration("ARS(4,4,3)", 3, period / count, count, None)
-        limits = self.motor_limit if np.isfinite(max(self.motor_limit)) else TORQUE_LIMIT
-        arms = self.flexible_arm.parameters, extreme_arm(self)
+        limits = corner.motor_limit if np.isfinite(max(corner.motor_limit)) else TORQUE_LIMIT
+        arms = {one.flexible_arm.parameters for one in (self, slow)} | {extreme_arm(corner)}
         if self.physics_step is None:
             count = max(enough_steps(arm, limits, period, count) for arm in arms)
         error = max(expected_error(arm, limits, period / count) for arm in arms)
@@ -227,6 +262,8 @@ class Settings(Options):
         It spans whole control periods, so that readings at the same moments of a period use the same few slots, which
         stay in the processor's cache.
         """
+        if ends(self):
+            return worst(self, lambda one: one.history_slots).history_slots
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
         oldest = max(latest + self.jitter + 4.0 * self.hold, *(one.delay for one in self.further_sensors), 0.0)
         longest = oldest + 2.0 * self.control_period

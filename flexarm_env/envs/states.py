@@ -41,6 +41,7 @@ class Views(NamedTuple):
         keys: Shape (blocks * lanes,).
         observations: Shape (blocks * lanes, k), float32.
         paths: Shape (paths, n, 5).
+        drawn: options and parameters of the arm that episodes draw (`draws`). Shape (blocks * lanes, k).
     """
 
     header: NDArray[np.int64]
@@ -51,6 +52,7 @@ class Views(NamedTuple):
     keys: NDArray[np.uint64]
     observations: NDArray[np.float32]
     paths: NDArray[np.float64]
+    drawn: NDArray[np.float64]
 
 
 class States:
@@ -74,6 +76,7 @@ class States:
         parts: list[NDArray[Any]] = [views.keys.reshape(blocks, 1, lanes)]
         parts += [views.clocks[:, one : one + 1] for one in clocks]
         parts += [views.arenas[:, low:high] for low, high in _runs(variant, fixed, views.arenas.shape[1])]
+        parts.append(np.moveaxis(views.drawn.reshape(blocks, lanes, views.drawn.shape[1]), 1, 2))
         if variant.own_paths:  # one for each lane
             parts.append(np.moveaxis(views.paths.reshape(blocks, lanes, -1), 1, 2))
         self._path = _FIRST + len(clocks) if not variant.own_paths else None

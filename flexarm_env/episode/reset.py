@@ -43,13 +43,10 @@ PLACE_PATH, PLACE_MIX, PLACE_PHASE, PLACE_BRANCH, PLACE_DIRECTION = 0, 1, 2, 3, 
 PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 
-def draw_quantities(arena: Arena, key: np.uint64, own: Table, request: ResetRequest, i: int) -> None:
-    """Draw the quantities of lane i's episode that the request leaves open, and compute the arm's constants."""
+def set_quantities(arena: Arena, own: Table, request: ResetRequest, i: int) -> None:
+    """Set the quantities of lane i's episode, drawn (`envs.draws`) or its own, and compute the arm's constants."""
     for n in range(QUANTITIES):
         value = own[lane_setting.BASE + n]
-        low = own[lane_setting.LOWEST + n]
-        if low == low:
-            value = low + (own[lane_setting.HIGHEST + n] - low) * uniform(key, PLACE_DRAWN + n)
         if request[column.DRAWN + n] == request[column.DRAWN + n]:
             value = request[column.DRAWN + n]
         arena[row.EPISODE + n, i] = value
@@ -237,7 +234,7 @@ def reset_lanes(block: Block) -> None:
             lane = first + i
             own = owns[lane % owns.shape[0]]
             request = reset_requests[lane]
-            draw_quantities(arena, keys[i], own, request, i)
+            set_quantities(arena, own, request, i)
             draw_branch(arena, keys[i], own, request, i)
             if variant.own_paths:
                 clock[clock_row.PATH, i] = lane

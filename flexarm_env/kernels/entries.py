@@ -122,9 +122,7 @@ class LaneSetting(Names):
     BRANCH = Entry("sign of theta2 in inverse kinematics; 0: drawn", "1")
     DIRECTION = Entry("of the lap, by its place among `parameters.DIRECTIONS`; -1: drawn", "1")
     SENSOR_DELAYS = Entry("delays of the sensor unless drawn or requested", "s", 2)
-    BASE = Entry("values of the quantities unless drawn or requested (`Drawn`)", "as in `Drawn`", QUANTITIES)
-    LOWEST = Entry("least values that may be drawn; NaN: not drawn", "as in `Drawn`", QUANTITIES)
-    HIGHEST = Entry("largest values that may be drawn", "as in `Drawn`", QUANTITIES)
+    BASE = Entry("values of the quantities unless requested (`Drawn`)", "as in `Drawn`", QUANTITIES)
     ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
     PER_PAYLOAD = Entry("their change with the payload", CONSTANTS_UNIT + ", per kg", _constants)
     PER_DAMPING = Entry("their change with the damping ratio", CONSTANTS_UNIT, _constants)
@@ -214,7 +212,7 @@ class ReadingRow(FixedNames):
 
 
 class Column(FixedNames):
-    """Columns of a reset request; NaN where the environment decides."""
+    """Columns of a reset request; NaN where the environment decides. What only Python reads follows the state."""
 
     START = Entry("how it starts (`reset.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")

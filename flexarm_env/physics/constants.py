@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -214,9 +215,26 @@ def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkMode
         base=flat(),
         own=np.array([parameters.payload_mass, 1.0, parameters.damping_ratio]),
         payload_mass=flat(payload_mass=1.0) - flat(payload_mass=0.0),
-        damping=flat(damping_ratio=1.0) - flat(damping_ratio=0.0),
+        damping=_by_damping(parameters, modes),
         elastic=np.concatenate([np.full(1 if n is None else n, float(name in _ELASTIC)) for name, n in sizes.items()]),
     )
+
+
+def _by_damping(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> np.ndarray:
+    """How the constants of an arm change with its damping ratio; flat as `Constants.flat`."""
+    unit = replace(parameters, damping_ratio=1.0)
+    sizes = Constants.sizes(parameters.modes_per_link, parameters.kinematics == "foreshortened")
+    zeros: list[Any] = [0.0 if n is None else (0.0,) * n for n in sizes]
+    one, two = (_floats(link_damping(unit, link)) for link in modes)
+    return np.array(Constants(*zeros)._replace(damping_1=one, damping_2=two).flat())
+
+
+def changes_of_like(parameters: ArmParameters, like: ConstantChanges) -> ConstantChanges:
+    """Return `constant_changes` of an arm of the same shapes as another one, a payload's part to rounding error."""
+    modes = arm_modes(parameters)
+    base = np.array(arm_constants(parameters, modes).flat())
+    own = np.array([parameters.payload_mass, 1.0, parameters.damping_ratio])
+    return like._replace(base=base, own=own, damping=_by_damping(parameters, modes))
 
 
 def varied_constants(k: Constants, derivatives: Sequence[Constants], directions: Sequence[Any]) -> Constants:
@@ -284,5 +302,8 @@ def _floats(values: np.ndarray) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
+_tril_indices = lru_cache(np.tril_indices)
+
+
 def _lower(matrix: np.ndarray) -> tuple[float, ...]:
-    return _floats(matrix[np.tril_indices(len(matrix))])
+    return _floats(matrix[_tril_indices(len(matrix))])

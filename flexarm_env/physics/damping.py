@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.parameters import MAX_MODES, ArmParameters
-from flexarm_env.physics.link_modes import LinkModes, link_modes
+from flexarm_env.physics.link_modes import LinkModes, Shapes, link_modes
 
 Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)  # products of two polynomials of degree 5 are exact
@@ -92,12 +92,7 @@ def _unit_damping(
         link_modes(length, rigidity, density, MAX_MODES, length, "polynomial")
         for length, rigidity, density in zip(lengths, rigidities, densities, strict=True)
     )
-    none, no_shapes = np.zeros(len(_NODES)), np.zeros((len(_NODES), MAX_MODES))
-    elbow = np.concatenate([[lengths[0], 0.0], one.tip_values, np.zeros(MAX_MODES)])  # velocity across the straight arm
-    on_1 = np.column_stack([_NODES * lengths[0], none, one.shape(_NODES * lengths[0]), no_shapes])
-    on_2 = elbow + np.column_stack([none, _NODES * lengths[1], no_shapes, two.shape(_NODES * lengths[1])])
-    turns = np.eye(2, 2 + 2 * MAX_MODES)
-    motion = np.concatenate([on_1, on_2, turns, elbow[None]])
+    motion = _motion(one.shapes, two.shapes, lengths)
     masses = np.concatenate([
         densities[0] * lengths[0] * _WEIGHTS,
         densities[1] * lengths[1] * _WEIGHTS,
@@ -113,3 +108,13 @@ def _unit_damping(
     squared = (right[0] * frequency / root) ** 2  # of the mode with a modal mass of 1
     clamped = np.concatenate([2.0 * link.frequencies * np.diag(link.mass) for link in (one, two)])
     return UnitDamping(2.0 / frequency, float(2.0 * frequency / (squared @ clamped)), frequency)
+
+
+@lru_cache
+def _motion(first: Shapes, second: Shapes, lengths: tuple[float, float]) -> Array:
+    """Return the velocity of each mass across the straight arm by the rates. Shape (masses, 2 + 2 `MAX_MODES`)."""
+    none, no_shapes = np.zeros(len(_NODES)), np.zeros((len(_NODES), MAX_MODES))
+    elbow = np.concatenate([[lengths[0], 0.0], first(np.array(lengths[0]), 0), np.zeros(MAX_MODES)])
+    on_1 = np.column_stack([_NODES * lengths[0], none, first(_NODES * lengths[0], 0), no_shapes])
+    on_2 = elbow + np.column_stack([none, _NODES * lengths[1], no_shapes, second(_NODES * lengths[1], 0)])
+    return np.concatenate([on_1, on_2, np.eye(2, 2 + 2 * MAX_MODES), elbow[None]])

@@ -45,7 +45,7 @@ def clamped_free_roots(count: int) -> tuple[float, ...]:
     return tuple(brentq(scaled, i * np.pi, (i + 1) * np.pi, xtol=1e-15, rtol=1e-15) for i in range(count))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CantileverShapes:
     """The clamped-free beam's modes A [cosh - cos - k (sinh - sin)] (lambda x) (4).
 
@@ -73,7 +73,7 @@ class CantileverShapes:
         return self.scale * self.wavenumbers**order * bracket
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PolynomialShapes:
     """Polynomials in x / L.
 
@@ -122,6 +122,14 @@ def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]
 _SHAPES = {"cantilever": _cantilever, "polynomial": _polynomial}
 
 
+@lru_cache
+def _evaluated(kind: str, length: float, count: int, scale: float) -> tuple[Shapes, Array, Array, Array, Array, Array]:
+    """Return shapes and wavenumbers; shapes and curvatures on the nodes, values and slopes at the tip."""
+    shapes, wavenumbers = _SHAPES[kind](length, count, scale)
+    x, end = _NODES * length, np.array(length)
+    return shapes, wavenumbers, shapes(x, 0), shapes(x, 2), shapes(end, 0), shapes(end, 1)
+
+
 @dataclass(frozen=True)
 class LinkModes:
     """Modes and modal integrals of one bare link (no hub, no payload).
@@ -166,11 +174,22 @@ class LinkModes:
 
     def foreshortening(self, x: ArrayLike) -> Array:
         """Return S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
-        x = np.asarray(x, dtype=float)
-        slopes = self.slope(x[..., None] * _NODES)
-        return x[..., None, None] * np.einsum("n,...ni,...nj->...ij", _WEIGHTS, slopes, slopes)
+        return _foreshortening(self.shapes, np.asarray(x, dtype=float))
 
 
+def _foreshortening(shapes: Shapes, x: Array) -> Array:
+    slopes = shapes(x[..., None] * _NODES, 1)
+    return x[..., None, None] * np.einsum("n,...ni,...nj->...ij", _WEIGHTS, slopes, slopes)
+
+
+@lru_cache
+def _on_nodes(shapes: Shapes, length: float) -> tuple[Array, Array, Array]:
+    """Return where a link's mass is taken to be, its tip the last, and S and phi there: they take most of the time."""
+    x = np.append(_NODES, 1.0) * length
+    return x, _foreshortening(shapes, x), shapes(x, 0)
+
+
+@lru_cache(maxsize=256)
 def link_modes(
     length: float,
     flexural_rigidity: float,
@@ -190,22 +209,19 @@ def link_modes(
         mode_shapes: "cantilever" or "polynomial".
 
     Returns:
-        A new `LinkModes`; the arguments are taken as validated (see `ArmParameters`).
+        `LinkModes`; the arguments are taken as validated (see `ArmParameters`).
     """
-    shapes, wavenumbers = _SHAPES[mode_shapes](length, count, scale)
+    shapes, wavenumbers, phi, phi_xx, tips, slopes = _evaluated(mode_shapes, length, count, scale)
     x = _NODES * length
     weight = _WEIGHTS * length
-    phi = shapes(x, 0)
-    phi_xx = shapes(x, 2)
-    end = np.array(length)
     return LinkModes(
         length=length,
         mass_per_length=mass_per_length,
         shapes=shapes,
         wavenumbers=wavenumbers,
         frequencies=wavenumbers**2 * np.sqrt(flexural_rigidity / mass_per_length),  # (5)
-        tip_values=shapes(end, 0),
-        tip_slopes=shapes(end, 1),
+        tip_values=tips,
+        tip_slopes=slopes,
         first_moment=mass_per_length * weight @ phi,
         second_moment=mass_per_length * (weight * x) @ phi,
         mass=mass_per_length * phi.T @ (weight[:, None] * phi),
@@ -232,9 +248,8 @@ class ForeshorteningMoments:
 
 def foreshortening_moments(link: LinkModes, tip_mass: float) -> ForeshorteningMoments:
     """See `ForeshorteningMoments`; the tip mass is in kg."""
-    x = np.append(_NODES, 1.0) * link.length
+    x, s, phi = _on_nodes(link.shapes, link.length)
     mass = np.append(_WEIGHTS * link.length * link.mass_per_length, tip_mass)
-    s, phi = link.foreshortening(x), link.shape(x)
     rows, columns = np.tril_indices(phi.shape[1])
     pairs = s[:, rows, columns]
     return ForeshorteningMoments(

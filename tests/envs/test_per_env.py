@@ -48,6 +48,16 @@ SENSOR_LANES: dict[str, list[Any]] = {
     "delay": [0.0372, None, (0.02, 0.0113)] * 3,
     "sensor_position": [4.5, 4.5, 2.0] * 3,
 }
+FURTHER_LANES: dict[str, list[Any]] = {
+    "second_sensor_position": [4.5, 2.0, 1.0] * 3,
+    "second_sensor_delay": [0.0, 0.0237, 0.01] * 3,
+    "second_sensor_noise": [0.01, 0.0, 0.02] * 3,
+    "imu_position": [None, 3.0, 1.0] * 3,
+    "imu_delay": [0.0, 0.0042, 0.02] * 3,
+    "imu_noise": [(0.0, 0.0), (0.2, 0.01), (0.1, 0.0)] * 3,
+    "imu_bias": [(0.1, 0.005), (0.0, 0.0), (0.1, 0.0)] * 3,
+    "imu_range": [(80.0, 17.0), (160.0, 35.0), (1.0, 0.1)] * 3,
+}
 GAIN_LANES: dict[str, list[Any]] = {
     "gain_limit": [1.0, 5.0, 0.3] * 3,
     "proportional_gain": [150.79, 100.0, 200.0] * 3,
@@ -75,13 +85,20 @@ def test_each_environment_has_its_sensor(kernels: str) -> None:
     compare_with_singles(SQUARE, SENSOR_LANES, 10 if kernels == "plain" else 60)
 
 
+def test_each_environment_has_its_further_sensors() -> None:
+    observed = ["second_sensor_error", "accelerometer", "gyro"]
+    compare_with_singles(SQUARE, FURTHER_LANES, 10, second_sensor_link=1, imu_link=2, observation=observed)
+
+
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
     compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, law_sensor="sensor")
 
 
 def test_the_tests_have_every_option() -> None:
-    assert {*TORQUE_LANES, *SENSOR_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(OPTIONS)
+    assert {*TORQUE_LANES, *SENSOR_LANES, *FURTHER_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(
+        OPTIONS
+    )
 
 
 def test_gains_of_the_joint_space_law() -> None:

@@ -1,0 +1,184 @@
+"""What episodes draw: distributions, the arm and sensors that follow, batches, states, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.distributions import checked_distribution, quantiles
+from flexarm_env.envs.options import DRAWABLE, Options
+from flexarm_env.envs.settings import Settings
+from flexarm_env.simulation.step_error import TOLERANCE, expected_error
+from tests.support.envs import RESIDUAL, SQUARE, actions_for, assert_same, bare, exact_actions, same_as_alone, vector
+from tests.support.refusals import refuses
+
+ARM: dict[str, Any] = {
+    "flexural_rigidities": ((1500.0, 1800.0), ("log_uniform", 1200.0, 2400.0)),
+    "masses_per_length": ((0.3, 0.4), ("normal", 0.335, 0.02, 0.3, 0.4)),
+    "shoulder_hub_inertia": (0.0, 2.0),
+    "elbow_hub_inertia": (0.0, 0.2),
+    "elbow_mass": ("choice", [0.0, 0.3]),
+    "payload_inertia": (0.0, 0.1),
+    "joint_friction": ((0.0, 2.0), (0.0, 0.5)),
+}
+SENSORS: dict[str, Any] = {
+    "sensor_position": ("choice", [3.0, 4.5]),
+    "wave_speed": (100.0, 300.0),
+    "jitter": (0.0, 0.01),
+    "hold": (0.005, 0.02),
+    "dropout": (0.0, 0.3),
+    "encoder_noise": ((0.0, 1e-3), (0.0, 1e-2)),
+}
+INNER_LAW = {"inner_stiffness": ((8e2, 1e3), (1e2, 130.0)), "inner_resistance": ((9.0, 9.5), (3.0, 4.0))}
+ALL = ARM | SENSORS | {"payload_mass": ("log_uniform", 0.05, 1.0), "noise": ("choice", [0.0, 0.01])}
+STEP = {"physics_step": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("distribution", "share"),
+    [
+        ((2.0, 5.0), lambda x: (x - 2.0) / 3.0),
+        (("log_uniform", 0.1, 10.0), lambda x: np.log(x / 0.1) / np.log(100.0)),
+        (("normal", 1.0, 2.0, 0.0, 2.0), lambda x: (NormalDist(1.0, 2.0).cdf(x) - 0.30853753872598694) / 0.3829249225),
+        (("normal", 0.0, 1.0, 4.0, 5.0), lambda x: (NormalDist().cdf(-4.0) - NormalDist().cdf(-x)) / 3.1384589e-05),
+    ],
+)
+def test_values_invert_the_distribution_function(distribution: tuple[Any, ...], share: Any) -> None:
+    """To 1e-6, as many digits as the shares above have."""
+    shares = np.linspace(0.0, 1.0 - 2**-53, 101)
+    found = quantiles(checked_distribution("x", distribution, DRAWABLE["payload_mass"]), shares)
+    np.testing.assert_allclose([share(x) for x in found.tolist()], shares, atol=1e-6)
+    assert (np.diff(found) > 0.0).all()
+
+
+def test_each_number_has_its_own_share_of_an_episode() -> None:
+    """Shares of 4096 episodes, uniform and independent.
+
+    By the inequality of Dvoretzky, Kiefer and Wolfowitz the distribution function of uniform numbers is off by more
+    than 0.056 with a probability of 2 exp(-2 n 0.056^2) = 1.4e-11. A correlation of independent numbers has a standard
+    deviation of 1/64, and is above six of them with a probability of 2e-9.
+    """
+    batch = vector(SQUARE, 4096, randomisation=dict.fromkeys(("delay", "dropout", "jitter"), (0.0, 1.0)))
+    everyone, requests = np.arange(4096), batch.simulator.usual_requests.copy()
+    batch._seed(0, np.ones(4096, dtype=bool))
+    found = batch.simulator.draws.completed(requests, batch._keys.take(everyone), everyone)
+    shares = np.column_stack([found[:, batch.simulator.draws._plans[0].columns], everyone / 4096.0])
+    assert np.abs(np.sort(shares, axis=0) - everyone[:, None] / 4096.0).max() < 0.056
+    assert np.abs(np.corrcoef(shares.T) - np.eye(4)).max() < 6.0 / 64.0
+
+
+def test_a_batch_draws_as_single_environments() -> None:
+    """Also where its environments have their own ranges."""
+    ranges = [ALL, ALL | {"elbow_mass": (0.0, 0.1)}, ALL]
+    same_as_alone(SQUARE, 3, {"arm": "default", **STEP}, 60, per_env={"randomisation": ranges})
+
+
+def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> None:
+    same, following = (
+        vector(SQUARE, 3, max_episode_steps=9, autoreset_mode=mode, randomisation=ALL, **STEP)
+        for mode in ("SameStep", "NextStep")
+    )
+    assert_same(same.reset(seed=7), following.reset(seed=7))
+    for action in actions_for(same, 9):
+        found = same.step(action)
+        following.step(action)
+    assert_same(found[0], following.step(action)[0])
+    assert_same(same.episode, following.episode)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "randomisation", "options"),
+    [(SQUARE, ARM, {"elbow_branch": "either"}), (SQUARE, SENSORS, {"noise": 0.01}), (RESIDUAL, INNER_LAW, {})],
+)
+def test_an_episode_is_that_of_an_environment_made_with_what_it_drew(
+    env_id: str, randomisation: dict[str, Any], options: dict[str, Any]
+) -> None:
+    """To the last bit: observations, rewards and infos."""
+    env = bare(env_id, randomisation=randomisation, **options, **STEP)
+    for seed in range(3):
+        found = [env.reset(seed=seed)]
+        drawn = {name: env.episode.parameters[name] for name in randomisation}
+        own = {name: x for name, x in drawn.items() if hasattr(Options, name)}
+        of_arm = {name: x for name, x in drawn.items() if name not in own}
+        twin = bare(env_id, arm={"preset": "linear", **of_arm}, **own, **options, **STEP)
+        expected = [twin.reset(seed=seed)]
+        for action in exact_actions(30).astype(np.float32):
+            found.append(env.step(action))  # type: ignore[arg-type]
+            expected.append(twin.step(action))  # type: ignore[arg-type]
+        assert_same(found, expected)
+
+
+def test_the_step_is_short_enough_for_every_arm_in_the_range() -> None:
+    """The rule of `physics_step` for the arms of 40 episodes."""
+    settings = Settings.of({"arm": "linear", "randomisation": ARM})
+    batch = vector(SQUARE, 40, randomisation=ARM)
+    batch.reset(seed=0)
+    for i in range(40):
+        values = batch.episode.one(i).parameters
+        arm = settings.having({name: values[name] for name in ARM}).flexible_arm.parameters
+        assert expected_error(arm, settings.motor_limit, settings.integration.step) <= TOLERANCE
+
+
+def test_states_and_copies_keep_what_was_drawn() -> None:
+    env, other = bare(SQUARE, 5, randomisation=ALL, **STEP), vector(SQUARE, 2, randomisation=ALL, **STEP)
+    other.reset(seed=50)
+    other.set_state(env.get_state(), [1])
+    assert other.episode.one(1) == env.episode != other.episode.one(0)
+    for action in exact_actions(30).astype(np.float32):
+        assert_same(other.step(np.tile(action, (2, 1)))[0][1], env.step(action)[0])
+    copy = pickle.loads(pickle.dumps(env))
+    assert_same(copy.reset(), env.reset())
+    assert copy.episode == env.episode
+
+
+def test_ranges_of_a_running_batch_are_assigned_and_values_requested() -> None:
+    batch = vector(SQUARE, 2, randomisation={"payload_mass": (0.0, 1.0), "joint_friction": ((0.0, 1.0), (0.0, 1.0))})
+    draws = batch.simulator.draws
+    draws.ranges = {"payload_mass": (0.2, 0.3), "joint_friction": [[0.5, 0.5], ("choice", [0.25])]}
+    batch.reset(seed=0)
+    drawn = batch.episode.parameters
+    assert 0.2 <= drawn["payload_mass"][0] != drawn["payload_mass"][1] <= 0.3
+    np.testing.assert_array_equal(drawn["joint_friction"], [[0.5, 0.25]] * 2)
+    for bad, word in (
+        ({"payload_mass": (0.0, 1.1)}, "must be from 0.0 to 1.0"),
+        ({"noise": (0.0, 0.1)}, "was not drawn at make"),
+    ):
+        with refuses(ValueError, *bad, word):
+            draws.ranges = bad
+    batch.reset(options={"parameters": {"joint_friction": [[0.1, 0.2], [0.3, 0.4]]}})
+    np.testing.assert_array_equal(batch.episode.parameters["joint_friction"], [[0.1, 0.2], [0.3, 0.4]])
+    for wrong, word in (
+        ({"joint_friction": (0.5, 1.1)}, "from 0 to 1"),
+        ({"joint_friction": 0.5}, "shape (2,)"),
+        ({"elbow_mass": 0.5}, "not drawn"),
+    ):
+        with refuses(ValueError, *wrong, word):
+            batch.reset(options={"parameters": wrong})
+
+
+@pytest.mark.parametrize(
+    ("name", "distribution", "word"),
+    [
+        ("joint_frictions", (0.0, 1.0), "did you mean 'joint_friction'"),
+        ("joint_friction", (0.0, 1.0), "must be two distributions"),
+        ("jitter", ("uniform", 0.0, 1.0), "'log_uniform', 'normal', 'choice'"),
+        ("jitter", ("log_uniform", 0.0, 1.0), "must be a finite number and > 0"),
+        ("jitter", ("log_uniform", 0.5), "2 entries after 'log_uniform'"),
+        ("jitter", ("choice", []), "a number at least"),
+        ("jitter", ("choice", [0.1, 11.0]), "[1][1] = 11.0"),
+        ("jitter", ("normal", 0.0, 0.1, 5.0, 6.0), "1e-06 of the distribution"),
+        ("jitter", ("normal", 0.0, 0.0, 0.0, 1.0), "[2] = 0.0"),
+        ("hold", (0.0, 0.1), "must be a finite number and >= 1e-06"),
+        ("sensor_position", (4.0, 5.0), "the largest of what is drawn, sensor_position = 5.0 m"),
+        ("inner_stiffness", ((1.0, 2.0), (1.0, 2.0)), "no effect with action_mode = 'torque'"),
+        ("torque_limit", ((1.0, 2.0), (1.0, 2.0)), "it must be the same"),
+        ("link_lengths", ((4.0, 5.0), (4.0, 5.0)), "no such quantity"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(name: str, distribution: Any, word: str) -> None:
+    with refuses((TypeError, ValueError), name, word):  # type: ignore[arg-type]
+        bare(SQUARE, randomisation={name: distribution})
