@@ -18,6 +18,7 @@ from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
 from tests.support.shell import Shell
 
+pygame = pytest.importorskip("pygame")
 PIXELS = 64
 
 
@@ -61,7 +62,6 @@ def test_a_picture_shows_its_instant(run: Trajectory) -> None:
 
 
 def test_a_png_shows_one_moment(run: Trajectory, tmp_path: Path) -> None:
-    pygame = pytest.importorskip("pygame")
     film = Film(run, size=PIXELS)
     for name, time in (("last.png", None), ("same.png", 0.5), ("first.png", 0.0)):
         film.write(tmp_path / "folder" / name, time)
@@ -75,7 +75,6 @@ def test_a_png_shows_one_moment(run: Trajectory, tmp_path: Path) -> None:
 
 
 def test_a_gif_moves(run: Trajectory, tmp_path: Path) -> None:
-    pytest.importorskip("pygame")
     image = pytest.importorskip("PIL.Image")
     ticks: list[int] = []
     Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif", tick=lambda: ticks.append(1))
@@ -86,7 +85,6 @@ def test_a_gif_moves(run: Trajectory, tmp_path: Path) -> None:
 
 
 def test_an_mp4_is_written(run: Trajectory, tmp_path: Path) -> None:
-    pytest.importorskip("pygame")
     pytest.importorskip("moviepy")
     Film(run, 10, 1.0, PIXELS + 1).write(tmp_path / "run.mp4")
     assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
@@ -95,7 +93,6 @@ def test_an_mp4_is_written(run: Trajectory, tmp_path: Path) -> None:
 def test_what_writes_files_is_named_with_its_extra(
     run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("pygame")
     monkeypatch.setitem(sys.modules, "PIL", None)
     with refuses(ModuleNotFoundError, "gif: PIL is not installed", "[video]"):
         Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif")
@@ -120,7 +117,6 @@ def test_runs_of_strangers(run: Trajectory, changes: dict[str, Any], words: str)
 
 
 def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> None:
-    pytest.importorskip("pygame")
     wild = {name: np.full_like(getattr(run, name), bad) for name, bad in (("state", np.inf), ("torque", np.nan))}
     Film(replace(run, **wild), size=PIXELS).write(tmp_path / "run.png")
     assert (tmp_path / "run.png").exists()
@@ -130,7 +126,6 @@ def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> No
 
 
 def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, flexarm: Shell) -> None:
-    pytest.importorskip("pygame")
     run.save(tmp_path / "run.npz")
     picture = tmp_path / "run.png"
     ended = flexarm("replay", "run.npz", "--output", picture, "--time", "0.2", "--size", PIXELS)
@@ -139,7 +134,6 @@ def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, flexarm: Shell
 
 
 def test_replay_opens_a_window(run: Trajectory, flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     run.save("run.npz")
     flexarm("replay", "run.npz", "--fps", "100", "--size", PIXELS, "--speed", "10")
@@ -149,7 +143,6 @@ def test_replay_opens_a_window(run: Trajectory, flexarm: Shell, monkeypatch: pyt
 def test_render_runs_an_episode_that_replay_shows_again(
     tmp_path: Path, flexarm: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("pygame")
     bars: list[tqdm[Any]] = []
 
     def bar(total: int, unit: str) -> tqdm[Any]:
@@ -178,7 +171,6 @@ def test_what_draws_is_missed_before_anything_runs(verb: str, flexarm: Shell, mo
 
 
 def test_what_is_interrupted_leaves_nothing(run: Trajectory, tmp_path: Path) -> None:
-    pytest.importorskip("pygame")
     pytest.importorskip("moviepy")
 
     def interrupt() -> None:

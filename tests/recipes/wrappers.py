@@ -21,19 +21,12 @@ PICTURES = {"render_mode": "rgb_array"}
 
 
 class Row(NamedTuple):
-    """A wrapper.
-
-    Attributes:
-        name: of the wrapper.
-        result: what is seen of it, for the page.
-        wrap: puts it around an environment, or a batch; None: it needs no arguments.
-        options: of the environment.
-    """
+    """A wrapper."""
 
     name: str
-    result: str
-    wrap: Callable[[Any], Any] | None = None
-    options: dict[str, Any] = {}  # noqa: RUF012  (never changed)
+    result: str  # what is seen of it, for the page
+    wrap: Callable[[Any], Any] | None = None  # puts it around an environment, or a batch; None: it needs no arguments
+    options: dict[str, Any] = {}  # noqa: RUF012  (never changed; of the environment)
 
     @property
     def slow(self) -> bool:
