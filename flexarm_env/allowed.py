@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any, Protocol
 
 from flexarm_env.validation import choice, flag, integer, number, pair
@@ -76,8 +77,8 @@ class ZeroOr(Number):
 
     def check(self, name: str, value: Any) -> Any:
         """See `Allowed`."""
-        found = number(name, value, self.unit)
-        return found and super().check(name, found)
+        zero = isinstance(value, Real) and not isinstance(value, bool) and value == 0
+        return 0.0 if zero else super().check(name, value)
 
 
 @dataclass(frozen=True)
