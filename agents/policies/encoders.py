@@ -14,8 +14,8 @@ from flexarm_env.validation import integer, listed
 
 Array = NDArray[np.float32]
 Memory = tuple[NDArray[Any], ...]  # each with a leading axis of n arms
-# Blocks of an observation that follow from the time alone: past values of these add no information.
-CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
+# Blocks of an observation that follow from the time alone, or are constant: past values of these add no information.
+CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase", "time", "episode_parameters")
 LONGEST_LAG = 1000  # [steps]
 MOST_NUMBERS = 1_000_000  # of an observation
 

@@ -251,10 +251,11 @@ def _warn_of_threads() -> None:
 
 
 class EncodedVecEnv(VecEnvWrapper):
-    """Arms whose observations are an encoder's outputs; its memory is empty before the first observations."""
+    """An encoder's outputs, and behind them what it does not take; no memory before the first observations."""
 
     def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
-        space = gymnasium.spaces.Box(-np.inf, np.inf, (encoder.inputs,), np.float32)
+        size = encoder.inputs + venv.observation_space.shape[0] - encoder.size  # type: ignore[index]
+        space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
         super().__init__(venv, observation_space=space)
         self.encoder = encoder
         self.memory: Memory = ()
@@ -263,8 +264,8 @@ class EncodedVecEnv(VecEnvWrapper):
         """Begin an episode in every environment."""
         observations = self.venv.reset()
         assert isinstance(observations, np.ndarray)
-        inputs, self.memory = self.encoder.reset(observations)
-        return inputs
+        inputs, self.memory = self.encoder.reset(observations[:, : self.encoder.size])
+        return self._whole(inputs, observations)
 
     def step_wait(self) -> VecEnvStepReturn:
         """Return the results of the step; the last observation of an episode is encoded, too."""
@@ -273,8 +274,12 @@ class EncodedVecEnv(VecEnvWrapper):
         ended = np.flatnonzero(dones)
         if len(ended):
             before = tuple(part[ended] for part in self.memory)
-            last, _ = self.encoder.advance(np.stack([infos[i]["terminal_observation"] for i in ended]), before)
-            for i, one in zip(ended, last, strict=True):
+            last = np.stack([infos[i]["terminal_observation"] for i in ended])
+            inputs, _ = self.encoder.advance(last[:, : self.encoder.size], before)
+            for i, one in zip(ended, self._whole(inputs, last), strict=True):
                 infos[i]["terminal_observation"] = one
-        inputs, self.memory = encoded(self.encoder, observations, self.memory, dones)
-        return inputs, rewards, dones, infos
+        inputs, self.memory = encoded(self.encoder, observations[:, : self.encoder.size], self.memory, dones)
+        return self._whole(inputs, observations), rewards, dones, infos
+
+    def _whole(self, inputs: Array, observations: Array) -> Array:
+        return np.concatenate([inputs, observations[:, self.encoder.size :]], axis=1)

@@ -18,6 +18,7 @@ from flexarm_agents.training.hyperparameters import CURRICULUM, names_in_zoo, tu
 from flexarm_env.validation import choice, flag, integer, mapping, number, shown
 
 ObserverName = Literal["none", "nominal", "delay"]
+PRIVILEGED_BLOCKS = ("state", "episode_parameters")
 _TUNED: Any = None  # the value of the file, unless another one is given
 
 
@@ -139,6 +140,8 @@ class PPOConfig(_OnPolicyConfig):
     """Ages of the readings that the policy sees beside the present ones [control periods]."""
     observer: ObserverName = setting("none", choice, allowed=KINDS)
     """Kalman filter in place of late readings: none, with the nominal delay, or one that estimates the delay."""
+    privileged_critic: bool = setting(False, flag)
+    """The value sees the arm's true state and the episode's parameters, too; the policy does not."""
     initial_policy: str | None = setting(None, _policy)
     """Policy whose network the training begins with: folder of a training, npz file or name of a shipped one."""
     value_steps: int = setting(0, integer, least=0)
@@ -161,6 +164,12 @@ class PPOConfig(_OnPolicyConfig):
             raise ValueError(f"lags = {self.lags}, observer = {self.observer!r}: a policy has one of them at most")
         if self.observer != "none":
             check_observed(settings_of(self.environment, self.options))
+
+    @property
+    def privileged_blocks(self) -> tuple[str, ...]:
+        """Blocks of the observation that the value sees and the policy does not."""
+        seen = settings_of(self.environment, self.options).observation if self.privileged_critic else PRIVILEGED_BLOCKS
+        return tuple(name for name in PRIVILEGED_BLOCKS if name not in seen)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
-from flexarm_agents.environments import make_batch, make_one
+from flexarm_agents.environments import make_batch, make_one, settings_of
 from flexarm_agents.policies.encoders import Encoder, past_readings
 from flexarm_agents.policies.observer import Observer
+from flexarm_agents.sb3.asymmetric import AsymmetricPolicy
 from flexarm_agents.sb3.layers import MODULES
 from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
 from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, RewardConfig, SACConfig
@@ -52,8 +53,13 @@ def model_class(config: RewardConfig) -> Any:
 
 def new_model(config: RewardConfig) -> BaseAlgorithm:
     """Make an untrained model with its environments."""
-    env = environments(config, config.curriculum_options)
-    made: BaseAlgorithm = model_class(config)(config.policy, env, **arguments(config), seed=config.seed, device="cpu")
+    env, found = environments(config, config.curriculum_options), arguments(config)
+    policy: Any = config.policy
+    if own := privileged_blocks(config):
+        (blocks,) = env.get_attr("observation_blocks", 0)
+        policy = AsymmetricPolicy
+        found["policy_kwargs"]["privileged"] = blocks[own[-1]].stop - blocks[own[0]].start  # the last ones
+    made: BaseAlgorithm = model_class(config)(policy, env, **found, seed=config.seed, device="cpu")
     return made
 
 
@@ -71,8 +77,21 @@ def end_curriculum(config: RewardConfig, model: BaseAlgorithm) -> None:
 
 def environments(config: RewardConfig, curriculum_options: Mapping[str, Any]) -> VecMonitor:
     """Make the environments of a training."""
-    options = {"max_episode_steps": config.episode_steps, **config.options, **curriculum_options}
+    options = {"max_episode_steps": config.episode_steps, **_observed(config), **curriculum_options}
     return VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
+
+
+def privileged_blocks(config: RewardConfig) -> tuple[str, ...]:
+    """Return the blocks that the value sees and the policy does not."""
+    return config.privileged_blocks if isinstance(config, PPOConfig) else ()
+
+
+def _observed(config: RewardConfig) -> dict[str, Any]:
+    """Return the environment's options, in which the value's own blocks are the last ones of the observation."""
+    if not (blocks := privileged_blocks(config)):
+        return config.options
+    seen = settings_of(config.environment, config.options).observation
+    return {**config.options, "observation": [*seen, *blocks]}
 
 
 def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
@@ -82,10 +101,11 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
     """
     plain = FlexArmVecEnv(env)
     if config.curriculum_options:
-        judged = make_one(config.environment, config.options)
+        judged = make_one(config.environment, _observed(config))
         plain.observation_space = judged.observation_space
         judged.close()
-    encoder = encoder_of(config, env.observation_blocks)
+    blocks = {name: place for name, place in env.observation_blocks.items() if name not in privileged_blocks(config)}
+    encoder = encoder_of(config, blocks)
     return plain if encoder is None else EncodedVecEnv(plain, encoder)
 
 

@@ -37,7 +37,7 @@ READINGS = {
     PREVIEW: "where the target will be",
     PLANT: "the nominal arm's masses, stiffness and modes; in no block, but a controller may be designed on them",
     TRUE_STATE: "the arm's whole state, which no sensor delivers",
-    EPISODE: "delay, payload and what else the episode has drawn",
+    EPISODE: "delays, payload, stiffness, damping and noise of the episode",
 }
 MOST_SECONDS = 1e9  # of an episode
 PRIVILEGED = (TRUE_STATE, EPISODE)  # readings of which no real arm has a sensor

@@ -99,7 +99,7 @@ def test_a_policys_own_randomness() -> None:
     np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)), deterministic=False)[0], first)
 
 
-@pytest.mark.parametrize("name", ["lags", "observer"])
+@pytest.mark.parametrize("name", ["lags", "observer", "privileged"])
 def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     """Also where episodes end: the batch shows the inputs that the exported policy makes of plain observations."""
     config = config_of(**{**TINIES[name], "episode_steps": 6})
@@ -115,7 +115,8 @@ def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     for _ in range(15):
         head = NetworkPolicy(policy.weights, policy.biases, policy.log_std, policy.activation)
         found, state = policy.predict(seen, state, starts, deterministic=True)
-        np.testing.assert_allclose(found, head.predict(shown, deterministic=True)[0], atol=1e-6)
+        inputs = shown[:, : head.observation_size]  # behind them, what the value alone sees
+        np.testing.assert_allclose(found, head.predict(inputs, deterministic=True)[0], atol=1e-6)
         action = rng.uniform(-0.2, 0.2, size=(config.envs, 2)).astype(np.float32)
         seen, _, starts, infos = plain.step(action)
         shown, _, _, theirs = monitor.step(action)
@@ -123,6 +124,23 @@ def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
             if "terminal_observation" in one:
                 assert len(other["terminal_observation"]) == shown.shape[1] > len(one["terminal_observation"]) - 4
                 np.testing.assert_array_equal(one["TimeLimit.truncated"], other["TimeLimit.truncated"])
+
+
+def test_the_value_alone_sees_what_is_privileged() -> None:
+    """The true state, 16 numbers, and six of the episode; their scales are the environment's."""
+    model = new_model(config_of(**TINIES["privileged"]))
+    env, policy = model.get_env(), model.policy
+    assert env is not None
+    seen = env.reset()
+    infos = env.unwrapped.reset_infos
+    (scale,), (episode, *_) = env.get_attr("observation_scale", 0), env.get_attr("episode")
+    np.testing.assert_allclose(seen[0, -22:-6] * scale[-22:-6], infos[0]["state"], atol=1e-6)
+    np.testing.assert_allclose(seen[0, -6:] * scale[-6:], [*episode.parameters.values()], atol=1e-6)
+    changed = seen.copy()
+    changed[:, -22:] += 1.0
+    one, other = torch.from_numpy(seen), torch.from_numpy(changed)
+    assert torch.equal(policy.get_distribution(one).mode(), policy.get_distribution(other).mode())
+    assert (policy.predict_values(one) != policy.predict_values(other)).all()
 
 
 def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,7 +42,7 @@ SIGNALS = [  # sent at a step of the batch, after which so many steps of the env
 ]
 STEPS = {"dagger": [6400, 12800, 19200], "fopg": [64, 128, 192, 256]}
 ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
-ENCODERS["dagger"] = PastReadings
+ENCODERS |= {"dagger": PastReadings, "privileged": PastReadings}
 LEFT = {
     "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
     "tensorboard", "versions.json",

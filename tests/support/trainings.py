@@ -47,6 +47,7 @@ TINIES: dict[str, dict[str, Any]] = {
     "sac": _SAC,
     "tqc": {**_SAC, "algorithm": "tqc", "quantiles": 5, "learning_starts": 300},
     "lags": {**TINY, "lags": [1, 3]},
+    "privileged": {**TINY, "lags": [1, 3], "privileged_critic": True},
     "observer": {**TINY, "observer": "nominal", "options": _OBSERVED},
     "curriculum": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
     "recurrent curriculum": {**_RECURRENT, "curriculum_options": {"start": "moving"}, "curriculum_steps": 450},
