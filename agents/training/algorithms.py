@@ -18,7 +18,7 @@ from flexarm_agents.training.hyperparameters import CURRICULUM, names_in_zoo, tu
 from flexarm_env.validation import choice, flag, integer, mapping, number, shown
 
 ObserverName = Literal["none", "nominal", "delay"]
-PRIVILEGED_BLOCKS = ("state", "episode_parameters")
+PRIVILEGED_BLOCKS = ("state", "episode_parameters")  # what a privileged critic sees beside the policy's observation
 _TUNED: Any = None  # the value of the file, unless another one is given
 
 
@@ -164,12 +164,9 @@ class PPOConfig(_OnPolicyConfig):
             raise ValueError(f"lags = {self.lags}, observer = {self.observer!r}: a policy has one of them at most")
         if self.observer != "none":
             check_observed(settings_of(self.environment, self.options))
-
-    @property
-    def privileged_blocks(self) -> tuple[str, ...]:
-        """Blocks of the observation that the value sees and the policy does not."""
-        seen = settings_of(self.environment, self.options).observation if self.privileged_critic else PRIVILEGED_BLOCKS
-        return tuple(name for name in PRIVILEGED_BLOCKS if name not in seen)
+        seen = settings_of(self.environment, self.options).observation
+        if self.privileged_critic and not set(PRIVILEGED_BLOCKS).isdisjoint(seen):
+            raise ValueError(f"privileged_critic = True: the policy must see neither of {PRIVILEGED_BLOCKS}")
 
 
 @dataclass(frozen=True, kw_only=True)

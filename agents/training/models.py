@@ -18,7 +18,7 @@ from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.asymmetric import AsymmetricPolicy
 from flexarm_agents.sb3.layers import MODULES
 from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
-from flexarm_agents.training.algorithms import PPOConfig, RecurrentPPOConfig, RewardConfig, SACConfig
+from flexarm_agents.training.algorithms import PRIVILEGED_BLOCKS, PPOConfig, RecurrentPPOConfig, RewardConfig, SACConfig
 from flexarm_agents.training.hyperparameters import names_in_zoo
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.extras import needs_extra
@@ -77,21 +77,19 @@ def end_curriculum(config: RewardConfig, model: BaseAlgorithm) -> None:
 
 def environments(config: RewardConfig, curriculum_options: Mapping[str, Any]) -> VecMonitor:
     """Make the environments of a training."""
-    options = {"max_episode_steps": config.episode_steps, **_observed(config), **curriculum_options}
+    options = {"max_episode_steps": config.episode_steps, **config.options, **curriculum_options, **_observed(config)}
     return VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
 
 
 def privileged_blocks(config: RewardConfig) -> tuple[str, ...]:
     """Return the blocks that the value sees and the policy does not."""
-    return config.privileged_blocks if isinstance(config, PPOConfig) else ()
+    return PRIVILEGED_BLOCKS if isinstance(config, PPOConfig) and config.privileged_critic else ()
 
 
 def _observed(config: RewardConfig) -> dict[str, Any]:
-    """Return the environment's options, in which the value's own blocks are the last ones of the observation."""
-    if not (blocks := privileged_blocks(config)):
-        return config.options
-    seen = settings_of(config.environment, config.options).observation
-    return {**config.options, "observation": [*seen, *blocks]}
+    """Return the option by which the value's own blocks are the last ones of the observation; nothing without any."""
+    seen, own = settings_of(config.environment, config.options).observation, privileged_blocks(config)
+    return {"observation": [*seen, *own]} if own else {}
 
 
 def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
@@ -101,7 +99,7 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
     """
     plain = FlexArmVecEnv(env)
     if config.curriculum_options:
-        judged = make_one(config.environment, _observed(config))
+        judged = make_one(config.environment, config.options | _observed(config))
         plain.observation_space = judged.observation_space
         judged.close()
     blocks = {name: place for name, place in env.observation_blocks.items() if name not in privileged_blocks(config)}

@@ -63,6 +63,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({"algorithm": "sac", "buffer": 999}, r"buffer = 999: must be a multiple of envs = 32, and >="),
         ({"algorithm": "tqc", "quantiles": 2}, r"dropped_quantiles = 3: must be < quantiles = 2"),
         ({"algorithm": "recurrent_ppo", "lstm": 0}, r"lstm = 0: must be an integer >= 1"),
+        ({"privileged_critic": True, "options": {"observation": ["state"]}}, r"policy must see neither of \('state'"),
         ({"lags": (2, 1)}, r"lags = \(2, 1\): must increase"),
         ({"lags": (1,), "observer": "delay"}, r"a policy has one of them at most"),
         ({"observer": "nominal"}, r"observation: must have 'joint_angles', 'sensed_position' with an obs"),
