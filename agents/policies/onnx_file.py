@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +15,8 @@ from flexarm_env.extras import needs_extra
 from flexarm_env.validation import shown
 
 OPSET, IR = 17, 8  # versions that run times of 2022 and later read
+Put = Callable[..., str]
 ACTIVATIONS = {"elu": "Elu", "tanh": "Tanh", "relu": "Relu"}
-
-
-class _Graph:
-    """Nodes and constants of a graph, named by their number."""
-
-    def __init__(self, onnx: Any) -> None:
-        self.onnx, self.nodes, self.constants = onnx, list[Any](), list[Any]()
-
-    def put(self, operator: str, *inputs: Any, to: str = "", **attributes: Any) -> str:
-        """Add a node and return the name of its result; inputs are names or arrays."""
-        names = [one if isinstance(one, str) else self._constant(one) for one in inputs]
-        to = to or f"x{len(self.nodes)}"
-        self.nodes.append(self.onnx.helper.make_node(operator, names, [to], **attributes))
-        return to
-
-    def _constant(self, value: Any) -> str:
-        name = f"c{len(self.constants)}"
-        self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(value), name))
-        return name
 
 
 def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
@@ -55,15 +38,25 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
         raise TypeError(f"policy = {shown(policy)}: must be a NetworkPolicy with no encoder, a history or an LSTM")
     with needs_extra("export_onnx", "export"):
         import onnx
-    graph = _Graph(onnx)
-    x, memory = kinds[type(policy.encoder)](graph, policy.encoder)
+    nodes: list[Any] = []
+    constants: list[Any] = []
+
+    def put(operator: str, *inputs: Any, to: str = "", **attributes: Any) -> str:
+        """Add a node and return the name of its result; inputs are names or arrays."""
+        names = []
+        for one in inputs:
+            if not isinstance(one, str):
+                constants.append(onnx.numpy_helper.from_array(np.asarray(one, order="C"), f"c{len(constants)}"))
+            names.append(one if isinstance(one, str) else constants[-1].name)
+        nodes.append(onnx.helper.make_node(operator, names, [to or f"x{len(nodes)}"], **attributes))
+        return str(nodes[-1].output[0])
+
+    x, memory = kinds[type(policy.encoder)](put, policy.encoder)
     for weight, bias in zip(policy.weights[:-1], policy.biases[:-1], strict=True):
-        x = graph.put(ACTIVATIONS[policy.activation], graph.put("Gemm", x, weight, bias, transB=1))
-    x = graph.put("Gemm", x, policy.weights[-1], policy.biases[-1], transB=1)
-    if policy.log_std_weights is None:
-        graph.put("Clip", x, np.float32(-1.0), np.float32(1.0), to="action")
-    else:
-        graph.put("Tanh", x, to="action")
+        x = put(ACTIVATIONS[policy.activation], put("Gemm", x, weight, bias, transB=1))
+    x = put("Gemm", x, policy.weights[-1], policy.biases[-1], transB=1)
+    head = ("Tanh", x) if policy.log_std_weights is not None else ("Clip", x, np.float32(-1.0), np.float32(1.0))
+    put(*head, to="action")
 
     def values(sizes: dict[str, tuple[int, ...]]) -> list[Any]:
         kind = onnx.TensorProto.FLOAT
@@ -71,36 +64,36 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
 
     inputs = {"observation": (policy.observation_size,)} | {f"memory_{n}": size for n, size in enumerate(memory)}
     outputs = {"action": policy.log_std.shape} | {f"next_memory_{n}": size for n, size in enumerate(memory)}
-    whole = onnx.helper.make_graph(graph.nodes, "policy", values(inputs), values(outputs), graph.constants)
+    whole = onnx.helper.make_graph(nodes, "policy", values(inputs), values(outputs), constants)
     model = onnx.helper.make_model(whole, opset_imports=[onnx.helper.make_opsetid("", OPSET)], ir_version=IR)
     onnx.checker.check_model(model, full_check=True)
     onnx.save(model, path)
 
 
-def _nothing(graph: _Graph, encoder: None) -> tuple[str, list[tuple[int, ...]]]:
+def _nothing(put: Put, encoder: None) -> tuple[str, list[tuple[int, ...]]]:
     return "observation", []
 
 
-def _history(graph: _Graph, encoder: PastReadings) -> tuple[str, list[tuple[int, ...]]]:
+def _history(put: Put, encoder: PastReadings) -> tuple[str, list[tuple[int, ...]]]:
     """Return the network's inputs and the memory's shapes; see `PastReadings.advance`."""
-    now = graph.put("Gather", "observation", np.array(encoder.remembered), axis=1)
-    past = graph.put("Gather", "memory_0", np.array(encoder.lags) - 1, axis=1)
-    kept = graph.put("Slice", "memory_0", np.array([0]), np.array([-1]), np.array([1]))
-    graph.put("Concat", graph.put("Unsqueeze", now, np.array([1])), kept, to="next_memory_0", axis=1)
-    flat = graph.put("Reshape", past, np.array([0, -1]))
-    return graph.put("Concat", "observation", flat, axis=1), [(encoder.lags[-1], len(encoder.remembered))]
+    now = put("Gather", "observation", np.array(encoder.remembered), axis=1)
+    past = put("Gather", "memory_0", np.array(encoder.lags) - 1, axis=1)
+    kept = put("Slice", "memory_0", np.array([0]), np.array([-1]), np.array([1]))
+    put("Concat", put("Unsqueeze", now, np.array([1])), kept, to="next_memory_0", axis=1)
+    flat = put("Reshape", past, np.array([0, -1]))
+    return put("Concat", "observation", flat, axis=1), [(encoder.lags[-1], len(encoder.remembered))]
 
 
-def _lstm(graph: _Graph, encoder: Lstm) -> tuple[str, list[tuple[int, ...]]]:
+def _lstm(put: Put, encoder: Lstm) -> tuple[str, list[tuple[int, ...]]]:
     """Return the network's inputs and the memory's shapes; see `Lstm.advance`."""
-    remembered = graph.put("Gemm", "memory_0", encoder.lstm_memory, encoder.lstm_bias, transB=1)
-    sums = graph.put("Add", graph.put("Gemm", "observation", encoder.lstm_input, transB=1), remembered)
+    remembered = put("Gemm", "memory_0", encoder.lstm_memory, encoder.lstm_bias, transB=1)
+    sums = put("Add", put("Gemm", "observation", encoder.lstm_input, transB=1), remembered)
     h = encoder.inputs
     let_in, keep, new, let_out = (
-        graph.put("Tanh" if n == 2 else "Sigmoid", graph.put("Slice", sums, *np.array([[n * h], [n * h + h], [1]])))
+        put("Tanh" if n == 2 else "Sigmoid", put("Slice", sums, *np.array([[n * h], [n * h + h], [1]])))
         for n in range(4)
     )
-    kept, added = graph.put("Mul", keep, "memory_1"), graph.put("Mul", let_in, new)
-    cells = graph.put("Add", kept, added, to="next_memory_1")
-    out = graph.put("Mul", let_out, graph.put("Tanh", cells), to="next_memory_0")
+    kept, added = put("Mul", keep, "memory_1"), put("Mul", let_in, new)
+    cells = put("Add", kept, added, to="next_memory_1")
+    out = put("Mul", let_out, put("Tanh", cells), to="next_memory_0")
     return out, [(h,), (h,)]

@@ -1,6 +1,6 @@
 """`EnvOptions`: the options as keyword arguments, for editors and type checkers.
 
-Written by `python -m scripts.docs.option_types`.
+Written by `python -m scripts.docs.environments --no-pictures`.
 """
 
 from __future__ import annotations

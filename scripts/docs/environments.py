@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from flexarm_env.envs import documentation as doc
 from flexarm_env.envs import documentation_texts as texts
+from flexarm_env.envs import option_types
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
@@ -98,10 +99,20 @@ class Options:
 # --- pages ---------------------------------------------------------------------------------------------------------
 
 
+TYPES = Path(option_types.__file__)
+
+
 def pages() -> dict[str, str]:
     """All pages by file name."""
     shared = {"README.md": index(), "options.md": options_page(), "chain.md": chain_page()}
     return shared | {f"{stem(name)}.md": page(name, one) for name, one in IDS.items()}
+
+
+def types() -> str:
+    """Return the module of the options' types. Its head stays; where an option keeps a tuple, a list is as good."""
+    head, mark, _ = TYPES.read_text(encoding="utf-8").partition('Options`."""\n\n')
+    declared = "".join(f"    {one.name}: {one.type}\n" for one in fields(Settings))
+    return head + mark + re.sub(r"tuple\[(\w+), [^]]*", r"Sequence[\1", declared).replace("'", '"')
 
 
 def stem(name: str) -> str:
@@ -218,6 +229,7 @@ def main() -> None:
     options = read_options("python -m scripts.docs.environments", Options())
     options.docs.mkdir(parents=True, exist_ok=True)
     written = pages()
+    TYPES.write_text(types(), encoding="utf-8")
     for name, text in written.items():
         (options.docs / name).write_text(text, encoding="utf-8")
     print(f"{options.docs}: {len(written)} pages up to date")

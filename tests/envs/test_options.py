@@ -14,7 +14,7 @@ from flexarm_env.actions import MODES
 from flexarm_env.allowed import Allowed, Flag, Integer, Number, OneOf, Optional, Pair, allowed_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from scripts.docs import option_types
+from scripts.docs import environments
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, make
 from tests.support.refusals import label, refuses
 
@@ -204,7 +204,7 @@ def test_the_sensor_is_at_the_tip_of_whatever_link() -> None:
 
 
 def test_type_checkers_know_the_options() -> None:
-    assert option_types.FILE.read_text() == option_types.text(), "run: python -m scripts.docs.option_types"
+    assert environments.TYPES.read_text() == environments.types(), "run: python -m scripts.docs.environments"
 
 
 def test_lists_as_json_has_them_are_tuples() -> None:
