@@ -22,13 +22,12 @@ from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeight
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.laps import LAPS, SETTLED
-from flexarm_env.metrics.window import rms
 from flexarm_env.predictor import predictor
 from scripts.common.plotting import WIDTH, headline, label_ends, plain_ticks, running_rms
 from tests.validation.arms import EngineChain, Gauges, Modal, Plant
 from tests.validation.hosted import HostedEnv
 from tests.validation.kept import kept
-from tests.validation.motion import HELD, apart
+from tests.validation.motion import HELD, apart, rms
 
 Array = NDArray[np.float64]
 PERIODS = 10  # `HELD` in a control period of 100 Hz

@@ -194,6 +194,11 @@ def apart(one: Array, other: Array) -> Array:
     return np.linalg.norm(one[:count] - other[:count], axis=1)
 
 
+def rms(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def low_passed(angles: Array) -> Array:
     """Return angles without what is faster than `LOW_PASS` (Butterworth, order 4, both ways). Shape (n, 2)."""
     return sosfiltfilt(butter(4, LOW_PASS, fs=1.0 / HELD, output="sos"), angles, axis=0)

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from flexarm_env.extras import install_command
-from flexarm_env.metrics.window import rms
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, number_ticks
 from tests.validation import recorded
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.motion import Motion, apart
+from tests.validation.motion import Motion, apart, rms
 
 pytest.importorskip(
     "exudyn",

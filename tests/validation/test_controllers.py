@@ -17,7 +17,6 @@ from flexarm_env.rollout import run_policy
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
-from flexarm_env.metrics.window import rms
 from scripts.common.plotting import COLOURS, INK, SOFT
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
@@ -37,7 +36,7 @@ from tests.validation.laps import (
     over_time,
     run_lap,
 )
-from tests.validation.motion import apart
+from tests.validation.motion import apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

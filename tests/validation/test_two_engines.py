@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexarm_env.metrics.window import rms
 from scripts.common.plotting import COLOURS, WIDTH, headline, running_rms
 from tests.validation import recorded
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.motion import HELD, Model, Motion, apart, model_motion
+from tests.validation.motion import HELD, Model, Motion, apart, model_motion, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 

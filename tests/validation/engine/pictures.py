@@ -9,18 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scripts.common.plotting import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    ORANGE,
-    SOFT,
-    THRESHOLD,
-    WIDTH,
-    headline,
-    number_ticks,
-    running_rms,
-)
+from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE, SOFT, THRESHOLD, WIDTH, headline, running_rms
 from tests.validation.engine.study import AMPLITUDES, FINEST, KICKS, NAMES, SMALLEST, SPINS, case, spinning
 from tests.validation.motion import DEFAULT, HELD, MODELS, PROGRAMMES, Model
 
@@ -52,7 +41,7 @@ def convergence() -> tuple[Figure, str]:
         errors = [1e3 * case(name).chain_error(n).max() for n in counts]
         axes[0].loglog(counts, errors, "o-", markersize=4, color=colour, label=TITLES[name])
     axes[0].loglog(counts, [100.0 / n**2 for n in counts], **THRESHOLD, label="second order")
-    number_ticks(axes[0].xaxis, counts)
+    axes[0].set_xticks(counts, [str(n) for n in counts])
     axes[0].minorticks_off()
     axes[0].set(title="the chain's own error", xlabel="elements a link", ylabel="tip error [mm]")
     for axis, amplitude in zip(axes[1:], (SMALLEST, 1.0), strict=True):
@@ -83,7 +72,8 @@ def programmes() -> tuple[Figure, str]:
         label = f"the chain of {FINEST[1]} elements, against its limit"
         axis.semilogy(time, smoothed(found.chain_error(FINEST[1])), color=SOFT, linestyle=":", label=label)
         axis.set(title=TITLES[name], ylim=(1e-3, 2e2))
-        number_ticks(axis.yaxis, [0.001, 0.01, 0.1, 1, 10, 100])
+        axis.set_yticks([0.001, 0.01, 0.1, 1, 10, 100], ["0.001", "0.01", "0.1", "1", "10", "100"])
+        axis.set_yticks([], minor=True)
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
     for line in axes:
@@ -104,7 +94,7 @@ def validity() -> tuple[Figure, str]:
             axis.loglog(bends, errors, "o-", markersize=4, color=colour, label=TITLES[name])
         axis.axhline(LIMIT, **THRESHOLD)
         axis.set(title=LINES[model][0], xlabel="largest deflection / length [%]", xlim=(0.4, 20.0), ylim=(1e-3, 5e3))
-        number_ticks(axis.xaxis, PERCENT)
+        _percent(axis.xaxis)
     for axis, model in zip(axes[1], (linear, Model("foreshortened", 3)), strict=True):
         for spin in SPINS:
             for found in (spinning(spin, kick) for kick in KICKS):
@@ -112,7 +102,7 @@ def validity() -> tuple[Figure, str]:
                 look: dict[str, Any] = {"marker": "o" if good else "x", "color": BLUE if good else ORANGE}
                 axis.plot(spin, 100.0 * found.reference.bend, markersize=7, **look)
         axis.set(title=LINES[model][0], yscale="log", xlabel="spin / first clamped frequency [1]", ylim=(0.2, 25.0))
-        number_ticks(axis.yaxis, PERCENT)
+        _percent(axis.yaxis)
     axes[0, 0].set_ylabel("r.m.s. tip error [mm]")
     axes[1, 0].set_ylabel("largest deflection / length [%]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
@@ -122,3 +112,8 @@ def validity() -> tuple[Figure, str]:
         "Below: a spinning, vibrating arm; dots: below 10 mm, crosses: above",
     )
     return figure, "engine_validity"
+
+
+def _percent(axis: Any) -> None:
+    axis.set_ticks(PERCENT, [f"{x:g}" for x in PERCENT])
+    axis.set_ticks([], minor=True)

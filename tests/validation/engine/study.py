@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm
-from flexarm_env.metrics.window import rms
 from tests.validation.arms import chain_motion
 from tests.validation.kept import kept
 from tests.validation.motion import (
@@ -27,6 +26,7 @@ from tests.validation.motion import (
     extrapolated,
     low_passed,
     model_motion,
+    rms,
 )
 
 Array = NDArray[np.float64]

@@ -18,13 +18,12 @@ from flexarm_env.extras import install_command
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
-from flexarm_env.metrics.window import rms
 from scripts.common.plotting import INK, THRESHOLD, WIDTH, headline, plain_ticks
 from tests.validation import laws
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.engine.pictures import LINES, smoothed
 from tests.validation.laps import Lap, away
-from tests.validation.motion import HELD, Model, apart
+from tests.validation.motion import HELD, Model, apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
