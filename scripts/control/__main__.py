@@ -9,13 +9,9 @@ from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trial, Trials, command
+from scripts.common.study import Study, command
 from scripts.control import estimated, joint, unknown
-from scripts.control.trials import ERRORS, cell, run_laps
-
-
-def _registered() -> dict[str, Trial]:
-    return {name: partial(run_laps, name) for name in CONTROLLERS}
+from scripts.control.trials import ERRORS, cell, run_laps, study
 
 
 def registered_table(results: Any) -> str:
@@ -31,10 +27,12 @@ def registered_table(results: Any) -> str:
 
 
 STUDIES: dict[str, Study] = {
-    "registered": Study(
+    **study(
+        "scripts.control.trials",
+        "registered",
         "all controllers of the registry, as they are",
-        Trials("scripts.control.trials", _registered),
-        {"registered": registered_table},
+        lambda: {name: partial(run_laps, name) for name in CONTROLLERS},
+        registered_table,
     ),
     **joint.STUDIES,
     **estimated.STUDIES,
@@ -42,12 +40,9 @@ STUDIES: dict[str, Study] = {
 }
 
 
-TEXT = "Compare controllers on the standard laps."
-
-
 def main() -> None:
     """Command line."""
-    command("control", STUDIES, TEXT)
+    command("control", STUDIES, "Compare controllers on the standard laps.")
 
 
 if __name__ == "__main__":

@@ -9,9 +9,9 @@ from typing import Any
 from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trial, Trials
+from scripts.common.study import Trial
 from scripts.control.joint import drawn
-from scripts.control.trials import cell, run_laps
+from scripts.control.trials import cell, run_laps, study
 
 Rows = Mapping[str, tuple[str, dict[str, Any]]]  # a controller and its design, by what the table calls it
 LQG: Rows = {
@@ -58,15 +58,9 @@ def _table(rows: Rows, results: Any) -> str:
     return table(["", "lap", *CHANGES], lines)
 
 
+LQG_TEXT = "what each part of LQG is worth: r.m.s. over the lap / after 2 s [mm]"
+PREDICTIVE_TEXT = "predictive control: r.m.s. over the lap / after 2 s [mm]"
 STUDIES = {
-    "lqg_parts": Study(
-        "what each part of LQG is worth: r.m.s. over the lap / after 2 s [mm]",
-        Trials(__name__, partial(_trials, LQG)),
-        {"lqg_parts": partial(_table, LQG)},
-    ),
-    "predictive": Study(
-        "predictive control: r.m.s. over the lap / after 2 s [mm]",
-        Trials(__name__, partial(_trials, PREDICTIVE)),
-        {"predictive": partial(_table, PREDICTIVE)},
-    ),
+    **study(__name__, "lqg_parts", LQG_TEXT, partial(_trials, LQG), partial(_table, LQG)),
+    **study(__name__, "predictive", PREDICTIVE_TEXT, partial(_trials, PREDICTIVE), partial(_table, PREDICTIVE)),
 }

@@ -12,8 +12,8 @@ from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointFeedba
 from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trial, Trials
-from scripts.control.trials import ERRORS, cell, run_laps
+from scripts.common.study import Trial
+from scripts.control.trials import ERRORS, cell, run_laps, study
 
 ELBOWS = (0.28, 0.8, 1.2, 1.57)  # [rad]; what a lap of the square passes through
 PERIOD = 0.01  # [s]
@@ -149,20 +149,9 @@ def _loop(by_state: Floats, by_torque: Floats, mass: Floats, feedback: JointFeed
     return np.block([[by_state - by_torque @ gains @ passed, -by_torque @ gains @ keep], [passed, keep]])
 
 
+TEXT = "r.m.s. over the lap / after 2 s [mm]"
 STUDIES = {
-    "joint_gains": Study(
-        "joint control: gains tried, the registered ones last",
-        Trials(__name__, _gains_tried),
-        {"joint_gains": gains_table},
-    ),
-    "command_shaping": Study(
-        "command shaping: r.m.s. over the lap / after 2 s [mm]",
-        Trials(__name__, _shapes_tried),
-        {"command_shaping": shapes_table},
-    ),
-    "joint_feedback": Study(
-        "the gains of command shaping: r.m.s. over the lap / after 2 s [mm]",
-        Trials(__name__, _feedback_tried),
-        {"joint_feedback": feedback_table},
-    ),
+    **study(__name__, "joint_gains", "joint control: gains tried, the registered ones last", _gains_tried, gains_table),
+    **study(__name__, "command_shaping", f"command shaping: {TEXT}", _shapes_tried, shapes_table),
+    **study(__name__, "joint_feedback", f"the gains of command shaping: {TEXT}", _feedback_tried, feedback_table),
 }

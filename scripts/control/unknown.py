@@ -20,17 +20,12 @@ from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
-from scripts.common.study import Study, Trial, Trials
-from scripts.control.trials import cell, run_laps
+from scripts.common.study import Trial
+from scripts.control.trials import cell, run_laps, study
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
 Design = Callable[[Task], Mapping[str, Any]]  # returns keyword arguments of a controller's `for_env`
-
-
-def as_registered(task: Task) -> Mapping[str, Any]:
-    """Return no change of the registered design."""
-    return {}
 
 
 def robust(task: Task) -> Mapping[str, Any]:
@@ -48,7 +43,7 @@ def robust(task: Task) -> Mapping[str, Any]:
     }
 
 
-def run_unknown(name: str, design: Design = as_registered) -> dict[str, list[list[float] | None]]:
+def run_unknown(name: str, design: Design = lambda task: {}) -> dict[str, list[list[float] | None]]:
     """Run a controller of the registry in many episodes, every second one of which is a swing lap.
 
     Returns:
@@ -109,27 +104,15 @@ def robust_table(results: Any) -> str:
     return table(["lap", "default arm [mm]", "unknown arms: lost", "mean [mm]", "worst [mm]"], lines)
 
 
-def _unknown_trials() -> dict[str, Trial]:
-    return {
-        "LQG": partial(run_unknown, "lqg"),
-        "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
-        "true state in place of a filter": partial(run_unknown, "plan_lqr"),
-    }
-
-
-def _robust_trials() -> dict[str, Trial]:
-    return {"default arm": run_robust, "unknown arms": partial(run_unknown, "lqg", robust)}
-
-
+LQG: dict[str, Trial] = {
+    "LQG": partial(run_unknown, "lqg"),
+    "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
+    "true state in place of a filter": partial(run_unknown, "plan_lqr"),
+}
+ROBUST: dict[str, Trial] = {"default arm": run_robust, "unknown arms": partial(run_unknown, "lqg", robust)}
+LQG_TEXT = "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]"
+ROBUST_TEXT = "LQG that is designed for the worst cases, and fixed"
 STUDIES = {
-    "lqg_unknown": Study(
-        "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]",
-        Trials(__name__, _unknown_trials),
-        {"lqg_unknown": unknown_table},
-    ),
-    "lqg_robust": Study(
-        "LQG that is designed for the worst cases, and fixed",
-        Trials(__name__, _robust_trials),
-        {"lqg_robust": robust_table},
-    ),
+    **study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table),
+    **study(__name__, "lqg_robust", ROBUST_TEXT, lambda: ROBUST, robust_table),
 }

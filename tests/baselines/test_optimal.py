@@ -11,6 +11,7 @@ from flexarm_baselines.optimal import (
     DivergingStartError,
     SolverOptions,
     TrackingProblem,
+    along,
     follow,
     joint_path,
     lap_problem,
@@ -156,7 +157,7 @@ def test_joint_angles_are_on_the_branches_in_their_time() -> None:
 
 def test_the_arm_follows_a_start() -> None:
     lap = lap_problem(ARM, SquareParameters(lap_time=16.0, elbow_branch="negative"))
-    run = follow(lap, joint_path(lap, [Branch(0.0, "negative")]))
+    run = along(lap, [Branch(0.0, "negative")])
     away = np.linalg.norm(ARM.tip(run.states[:, :4]) - lap.reference, axis=1)
     assert np.sqrt(np.mean(away**2)) < 0.1
     assert np.all(np.abs(run.torques) <= lap.limits)
