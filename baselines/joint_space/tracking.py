@@ -138,7 +138,7 @@ class JointTracking(TorqueController):
         causal = ShapedReference(task.path, train, self.shape.window, times=self.shape.times)
         self.reference = replace(causal, lead=causal.centre)
         self._keys: dict[tuple[float, int | None], int] = {}
-        self._targets: Targets | None = None
+        self._targets = Targets(*(np.empty((0, task.periods, *shape)) for shape in ((4,), (2,), (2, 4))))
         filters = np.array([self.feedback.angle_filter] * 2 + [self.feedback.rate_filter] * 2)
         with np.errstate(divide="ignore"):
             self._keep = np.exp(-task.period / filters)
@@ -161,19 +161,14 @@ class JointTracking(TorqueController):
         first, later, elapsed, filtered = memory
         motion = np.where(elapsed < self.task.periods, first, later)
         filtered = self._keep * filtered + (1.0 - self._keep) * self._deviations(seen, motion)
-        targets, rows = self._all_targets, (motion.astype(np.int64), seen.period)
+        targets, rows = self._targets, (motion.astype(np.int64), seen.period)
         torque = targets.torques[rows] - product(targets.gains[rows], filtered)
         return torque, (first, later, elapsed + 1.0, filtered)
-
-    @property
-    def _all_targets(self) -> Targets:
-        assert self._targets is not None, "no episode has begun"
-        return self._targets
 
     def _deviations(self, seen: Seen, motion: Floats) -> Floats:
         """Return how far the joints and their rates are from their targets. Shape (n, 4)."""
         measured = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
-        off = measured - self._all_targets.joints[motion.astype(np.int64), seen.period]
+        off = measured - self._targets.joints[motion.astype(np.int64), seen.period]
         off[:, 0] = nearest_turn(off[:, 0], np.zeros(()))
         return off
 
@@ -181,11 +176,8 @@ class JointTracking(TorqueController):
         """Return where the targets of a motion are, and compute those that are new."""
         key = (side, period)
         if key not in self._keys:
-            new = self.targets(side, period)
-            known = self._targets
-            self._targets = Targets(
-                *(one[None] if known is None else np.concatenate([known[n], one[None]]) for n, one in enumerate(new))
-            )
+            pairs = zip(self._targets, self.targets(side, period), strict=True)
+            self._targets = Targets(*(np.concatenate([known, new[None]]) for known, new in pairs))
             self._keys[key] = len(self._keys)
         return self._keys[key]
 
