@@ -44,7 +44,6 @@ class Entry:
     vec_normalize: str = ""  # file of its statistics, see there
 
     def __post_init__(self) -> None:
-        """Check the id, the options and the name."""
         own = Path(self.source).stem if Path(self.source).exists() else self.source
         object.__setattr__(self, "name", self.name or own)
         object.__setattr__(self, "environment", check_id(self.environment))

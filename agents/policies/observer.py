@@ -61,7 +61,6 @@ class Observer(Encoder):
     knows: ClassVar[tuple[str, ...]] = ("plant parameters",)
 
     def __post_init__(self) -> None:
-        """Check that there is such a filter."""
         choice("kind", self.kind, KINDS[1:])
         object.__setattr__(self, "environment", check_id(self.environment))
         object.__setattr__(self, "options", check_options(self.environment, self.options))

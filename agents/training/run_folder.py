@@ -25,29 +25,20 @@ Config = TypeVar("Config", bound=RunConfig)
 
 
 class RunFolder:
-    """A training's folder.
-
-    Attributes:
-        path: path of the folder.
-        config: `config.json`, the configuration.
-        versions: `versions.json`, of Python, the libraries and the code that began the training.
-        evaluations: `evaluations.csv`, a row for each evaluation, with the worst of its laps of either kind;
-            `evaluations.json` holds the same.
-        best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
-        best_model: `best_model.zip`, the same as a stable-baselines3 model.
-        last: `last_policy.npz`, the policy at the end.
-        initial: `initial_policy.npz`, the policy whose network the training began with, if there is one.
-        checkpoint: `checkpoint.zip`, from which the training resumes.
-        logs: `tensorboard/`.
-    """
+    """A training's folder: the paths of its files."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
-        self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
-        self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
-        self.initial = self.path / "initial_policy.npz"
-        self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
+        self.config = self.path / "config.json"  # the configuration
+        self.versions = self.path / "versions.json"  # of Python, the libraries and the code that began the training
+        # A row for each evaluation, with the worst of its laps of either kind; `evaluations.json` holds the same.
+        self.evaluations = self.path / "evaluations.csv"
+        self.best = self.path / "best_policy.npz"  # the policy of the best evaluation, for `load_policy`
+        self.best_model = self.path / "best_model.zip"  # the same as a stable-baselines3 model
+        self.last = self.path / "last_policy.npz"  # the policy at the end
+        self.initial = self.path / "initial_policy.npz"  # whose network the training began with, if there is one
+        self.checkpoint = self.path / "checkpoint.zip"  # from which the training resumes
+        self.logs = self.path / "tensorboard"
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
         """Make the folder for a new training, which may hold nothing yet."""

@@ -83,7 +83,6 @@ class Film:
     """A recorded run, played at a speed, by pictures of a size [px] at a rate [1/s]."""
 
     def __init__(self, run: Trajectory, fps: int = 25, speed: float = 1.0, size: int = 600) -> None:
-        """Check the arguments."""
         self.run = run
         self.fps, self.speed, self.size = check_look(fps, speed, size)
         self._arm = FlexibleArm(run.parameters)

@@ -51,7 +51,6 @@ class LiveArm:
     """
 
     def __init__(self, arm: str = "paper", knobs: Knobs | None = None) -> None:
-        """Begin a lap."""
         self._arm = choice("arm", arm, tuple(PRESETS))
         self.knobs = self._checked(knobs or Knobs())
         self.ended: str | None = None

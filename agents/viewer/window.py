@@ -60,7 +60,6 @@ class Viewer:
     """The window; the arrow keys move the slider that is chosen."""
 
     def __init__(self, live: LiveArm) -> None:
-        """Open the window."""
         self._pygame = import_pygame()
         self.live, self.chosen = live, 0
         self.window = Window(self._pygame, SIZE, steps=False)
