@@ -273,6 +273,13 @@ def names(name: str, value: object) -> tuple[str, ...]:
     return tuple(map(str, found))
 
 
+def function(name: str, value: object) -> Any:
+    """Check that an option can be called, or raise `TypeError`."""
+    if not callable(value):
+        raise TypeError(f"{name} = {shown(value)}: must be a function")
+    return value
+
+
 def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
     """Check the names of keyword arguments.
 

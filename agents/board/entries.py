@@ -14,14 +14,13 @@ import gymnasium
 
 from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, interface_of, nominal_options
 from flexarm_agents.code_version import code_version, file_hash
-from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of
+from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of, spec_of
 from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
 from flexarm_agents.policies.load import check_fits, load_policy, policy_file, shipped_policies
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_baselines.controller import TorqueController
 from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS, controller_names
-from flexarm_env.envs.registration import IDS
 from flexarm_env.validation import known_names, mapping
 
 NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
@@ -123,7 +122,7 @@ def _recipe(entry: Entry) -> Recipe:
         listed = CONTROLLERS[entry.source]
         own = interface_of({**listed.options, **entry.options})
         return Recipe(own, listed.make, {"controller": entry.source, "design": repr(dict(listed.design))})
-    declared = IDS[entry.environment.partition("/")[2]].options
+    declared = spec_of(entry.environment).kwargs
     if entry.algorithm is not None:
         own = interface_of({**declared, **entry.options})
         files = [entry.source] + [entry.vec_normalize] * (entry.vec_normalize not in ("", WITHOUT))

@@ -19,9 +19,9 @@ from flexarm_agents.board.columns import Episode, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.terms import TASKS
 from flexarm_agents.evaluation.scoring import COMPLETE
+from flexarm_env.envs.base import FlexArmEnvBase
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.single import FlexArmEnvBase
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, of_verb, width
 from flexarm_agents.commands.text import from_markdown
-from flexarm_agents.environments import check_id
+from flexarm_agents.environments import check_id, declared_id
 from flexarm_env.envs import documentation as doc
-from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.extras import install_command
 
@@ -16,7 +15,8 @@ from flexarm_env.extras import install_command
 def parser() -> Reader:
     """Return the parser of the arguments."""
     reader = of_verb("show", "Show the specification of an environment.")
-    reader.add_argument("id", metavar="ID", help='e.g. "FlexArm/Square-v0", or without the namespace')
+    names = 'e.g. "FlexArm/Square-v0", or without the namespace; of another module, "module:Mine/Task-v0"'
+    reader.add_argument("id", metavar="ID", help=names)
     return reader
 
 
@@ -27,14 +27,15 @@ def run(arguments: Sequence[str]) -> None:
 
 def specification(environment: str, columns: int) -> str:
     """Write the specification of an id."""
-    one = IDS[environment.partition("/")[2]]
+    one = declared_id(environment)
     actions, observations = doc.spaces(Settings.of(one.options))
+    name = environment if ":" in environment else f"flexarm_env:{environment}"
     facts = [
         ("actions", actions),
         ("observations", observations),
         ("episode", doc.timing(one)),
-        ("make", f'gymnasium.make("flexarm_env:{environment}")'),
-        ("batch", f'gymnasium.make_vec("flexarm_env:{environment}", num_envs=16)'),
+        ("make", f'gymnasium.make("{name}")'),
+        ("batch", f'gymnasium.make_vec("{name}", num_envs=16)'),
     ] + ([("needs", install_command(one.extra))] if one.extra else [])
     different = {"Different from Square-v0": doc.difference_table(one)} if one.options else {}
     table = doc.table(("environment", environment), facts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
-from flexarm_agents.environments import INTERFACE, check_id, make_one
+from flexarm_agents.environments import INTERFACE, check_id, import_from_here, make_one
 from flexarm_agents.policies.load import check_fits, load_policy
 from flexarm_baselines.registry import controller
 from flexarm_env.envs.blocks import PRIVILEGED, READINGS
@@ -156,10 +155,7 @@ def imported(source: str) -> Any:
     module, _, attribute = source.partition(":")
     if not module or not attribute:
         raise ValueError(f"{shown(source)}: must be 'module:attribute'")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    found: Any = importlib.import_module(module)
+    found: Any = import_from_here(module)
     for name in attribute.split("."):
         if not hasattr(found, name):
             raise ValueError(f"{shown(source)}: {module} has no attribute {attribute}")

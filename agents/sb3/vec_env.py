@@ -41,8 +41,9 @@ class FlexArmVecEnv(VecEnv):
     `terminal_observation`, `TimeLimit.truncated` (the time limit alone ended it, so its value is bootstrapped) and the
     step's own info; `reset_infos` holds the info of each environment's last reset.
 
-    `set_options({"parameters": {"delay": 0.02}})` is for the episodes that the next `reset()` begins. For other options
-    from then on, as in a curriculum, make another batch and give it to the model by `set_env`.
+    `set_options({"parameters": {"delay": 0.02}})` is for the episodes that the next `reset()` begins. For later ones
+    `set_attr("randomisation", ranges)` narrows ranges, and `env.set_options` takes what a reset does. For other options
+    make another batch and give it to the model by `set_env`.
 
     Attributes:
         env: the vector environment.
@@ -171,20 +172,23 @@ class FlexArmVecEnv(VecEnv):
         """Set an attribute of the vector environment.
 
         Raises:
-            AttributeError: for an option, which is fixed when the batch is made.
+            AttributeError: for an option, which is fixed when the batch is made, but `randomisation`.
             ValueError: for some environments only; they share their attributes.
         """
-        if attr_name in {one.name for one in fields(Settings)}:
+        chosen = sorted(set(self._get_indices(indices)))
+        if attr_name != "randomisation" and attr_name in {one.name for one in fields(Settings)}:
             raise AttributeError(
                 f"attr_name = {shown(attr_name)}: an option, fixed when the batch is made; make another batch and give "
                 "it to the model by `set_env`, or the next reset its quantities by `set_options({'parameters': ...})`"
             )
-        chosen = sorted(set(self._get_indices(indices)))
         if chosen != list(range(self.num_envs)):
             raise ValueError(
                 f"indices = {shown(indices)}: must be None; the environments share the attribute {shown(attr_name)}"
             )
-        setattr(self.env, attr_name, value)
+        if attr_name == "randomisation":
+            self.env.set_options({attr_name: value})
+        else:
+            setattr(self.env, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any

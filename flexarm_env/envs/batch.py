@@ -16,23 +16,22 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import WORD, machine_memory
 from flexarm_env.envs.bounds import check_moving_start
-from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.drawing import Drawing, drawing_of
 from flexarm_env.envs.draws import Draws
 from flexarm_env.envs.kernel_inputs import (
-    NAN,
     fixed_rows,
     header_and_settings,
     lane_numbers,
     path_tables,
     tail_rows,
+    usual_requests,
 )
 from flexarm_env.envs.observation import common_layout, sensors_of
+from flexarm_env.envs.own_paths import first_rows, moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import States, Views, Words
-from flexarm_env.episode import reset
-from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, segment, word
 from flexarm_env.kernels.layout import sizes_between
 from flexarm_env.kernels.states import failures
 from flexarm_env.kernels.variants import Variant, shared_model
@@ -47,9 +46,11 @@ Array = NDArray[np.float64]
 COSTS = {8: 1.0, 344: 36.0}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
 BESIDE = 4000  # bytes that an environment takes beside the kernels' memory: generator, observation, bounds, results
+OWN_END = -4.0  # the status that the option `termination` sets
 REASONS: dict[float, str | None] = {
     -2.0: "deflection",
     -3.0: "error",
+    OWN_END: "own",
 }  # beside those of a state (`observe.termination_status`)
 
 
@@ -119,11 +120,14 @@ class BatchSimulator(LaneBatch):
         """Describe the environments' lanes, with the arrays that only environments have."""
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
+        paths = path_tables(kinds, width)
+        self._path_names, self.first_paths = np.array(paths.names), np.array(paths.first)[kind_of]
         owns = np.array([lane_numbers(one, variant.program) for one in kinds])
         if len(kinds) > 1 or self.draws.further:
             owns = owns[kind_of[np.minimum(np.arange(width), count - 1)]]
-        requests = _usual_requests(settings, count, (width, self.draws.columns))
+        requests = usual_requests(settings, self.first_paths, (width, self.draws.columns))
         header, table = header_and_settings(kinds, variant.program, self.layout)
+        header[word.PATH_NAMES] = len(paths.names)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
         header[word.REQUEST_COLUMNS] = requests.shape[1]
         arrays: dict[str, NDArray[Any]] = {
@@ -135,7 +139,7 @@ class BatchSimulator(LaneBatch):
             "RESET_REQUESTS": requests,
         }
         slots, tail = max(one.history_slots for one in kinds), tail_rows(kinds, variant.hosted)
-        return Lanes(variant, count, slots, header, table, path_tables(settings, width), tail, arrays)
+        return Lanes(variant, count, slots, header, table, paths.table, tail, arrays)
 
     def _link(self) -> None:
         """Make the views of the memory."""
@@ -172,6 +176,8 @@ class BatchSimulator(LaneBatch):
         """Request that the next step begins episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
+        for i, key in zip(which.tolist(), keys.tolist(), strict=True) if self.settings.path_rows else ():
+            self._paths[i] = first_rows(self.each[i], key, self._paths.shape[1])
         usual, drawing = reset_requests is self.usual_requests, not self.draws.nothing
         if drawing or not (usual and self._usual):  # the memory holds the usual requests until others are written
             self._usual = False
@@ -208,6 +214,22 @@ class BatchSimulator(LaneBatch):
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
 
+    def set_target(self, rows: NDArray[np.int64], *given: Any) -> None:
+        """Move the targets of some environments; see `FlexArmEnvBase.set_reference` for the arguments and errors."""
+        if self.settings.reference != ("target",):
+            raise ValueError(f"set_reference: reference = {shown(self.settings.reference)}; must be 'target'")
+        block, lane = np.divmod(rows, self._arenas.shape[2])
+        steps = self._clocks[block, clock_row.STEPS, lane]
+        now = steps * (self.settings.control_period / self.settings.substeps)
+        self._paths[rows] = moved(self.settings, self._paths[rows], now, given)
+        for name in {"PRESENT_SEGMENT", "COMMAND_SEGMENT"}.intersection(self._rows):
+            self._arenas[block, self._rows[name][0] + segment.END, lane] = -np.inf  # as `invalidate_segment` does
+
+    def end(self, rows: NDArray[np.int64]) -> None:
+        """Note that the option `termination` has ended some episodes."""
+        block, lane = np.divmod(rows, self._arenas.shape[2])
+        self._arenas[block, self._rows["STATUS"][0], lane] = OWN_END
+
     def get_states(self, rows: NDArray[np.int64], generators: Words) -> Words:
         """Return the states of some environments (`states.States.read`). Shape (n, k)."""
         return self._states.read(rows, generators, self._plant_state())
@@ -230,13 +252,9 @@ class BatchSimulator(LaneBatch):
     def _states(self) -> States:
         views = Views(
             *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
-            *(
-                self.observations,
-                self._paths,
-                self._reset_requests[:, column.STATE + 2 * self.settings.flexible_arm.size :],
-            ),
+            *(self.observations, self._paths, self._reset_requests[:, self.draws.first :]),
         )
-        return States(views, self._variant, self._fixed, len(self._plant_state()))
+        return States(views, self._variant, self._fixed, len(self._plant_state()), not self.settings.paths)
 
     def _plant_state(self) -> Array:
         """Return what another engine's plant adds to a state. Shape (k,)."""
@@ -255,14 +273,13 @@ class BatchSimulator(LaneBatch):
 
     def path_names(self) -> NDArray[np.str_]:
         """Return the names of the paths that the environments follow. Shape (N,)."""
-        names = np.array(self.settings.reference)
-        return names[self._chosen_paths() % len(names)]
+        return self._path_names[self._chosen_paths() % len(self._path_names)]
 
     def directions(self) -> NDArray[np.str_]:
         """Return the directions of the environments' laps. Shape (N,)."""
         if not self.settings.paths:
             return np.array([one.direction for one in self.each])
-        return np.array(DIRECTIONS)[self._chosen_paths() // len(self.settings.reference)]
+        return np.array(DIRECTIONS)[self._chosen_paths() // len(self._path_names)]
 
     def _chosen_paths(self) -> NDArray[np.int64]:
         """Return the index of the path that each environment follows. Shape (N,)."""
@@ -271,7 +288,7 @@ class BatchSimulator(LaneBatch):
     def path(self, index: int) -> Array:
         """Return the way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
-        return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
+        return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], shown_rows(self.settings), 1:3])
 
     def drawing(self, index: int, result: Array) -> Drawing:
         """Where the lines of an environment's arm are, from its `result`."""
@@ -302,7 +319,7 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         sensor=shared_model(settings.sensor),
         rate_jacobian=settings.rate_jacobian,
         law_on_sensor=settings.law_sensor == "sensor",
-        own_paths=not settings.paths,
+        own_paths=settings.reference == ("moves",),
         foreshortened=arm.constants.foreshortened,
         disturbed=disturbed,
         sensors=sensors_of(settings),
@@ -321,14 +338,6 @@ def _check_room(count: int, variant: Variant, kinds: Sequence[Settings]) -> None
         )
 
 
-def _usual_requests(settings: Settings, count: int, shape: tuple[int, int]) -> Array:
-    """Return requests for episodes by the settings alone. Shape (lanes, columns)."""
-    usual = np.full(shape, NAN)
-    usual[:, column.START] = START_CODES[settings.start]
-    usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
-    return usual
-
-
 def block_lanes(count: int, threads: int) -> int:
     """Return the number of lanes of a block with which a batch is stepped fastest, by `COSTS`."""
     if count == 1:
@@ -339,6 +348,3 @@ def block_lanes(count: int, threads: int) -> int:
         return COSTS[lanes] * -(-blocks // threads)
 
     return min(COSTS, key=time)
-
-
-START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_env.envs.choices import MOVE_RING
+from flexarm_env.envs.own_paths import largest_speed
 from flexarm_env.envs.sensors import LINK_2, Sensor, mounting
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import SENSOR_MODELS
@@ -46,16 +47,14 @@ class Range(NamedTuple):
 
 def reach_of(settings: Settings) -> Workspace:
     """Compute the largest magnitudes of the reference."""
-    arm = settings.flexible_arm
-    length_1, length_2 = arm.parameters.link_lengths
     if settings.paths:
         tables = [path.table for path in settings.paths]
         radius = max(float(np.linalg.norm(table[:, 1:], axis=1).max()) for table in tables)
         moves = [np.diff(table, axis=0) for table in tables]
         speed = max(float((np.linalg.norm(move[:, 1:], axis=1) / move[:, 0]).max()) for move in moves)
-    else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
-        radius = MOVE_RING[1] * arm.parameters.reach
-        speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
+    else:
+        radius = (MOVE_RING[1] if settings.reference == ("moves",) else 1.0) * settings.flexible_arm.parameters.reach
+        speed = largest_speed(settings)
     return Workspace(radius, speed)
 
 

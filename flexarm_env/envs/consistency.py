@@ -12,7 +12,7 @@ from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
 from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
-from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, real_array, shown
+from flexarm_env.validation import entries, finite_array, listed, mapping, number, real_array, shown
 
 
 def _is_mounted(sensor: Sensor) -> Callable[[Any], bool]:
@@ -102,11 +102,6 @@ def _refuse_contradictions(settings: Any) -> None:
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
                     "must be 0 with law_sensor = 'sensor'"
                 )
-    if ("waypoints" in settings.reference) != (settings.waypoints is not None):
-        raise ValueError(
-            f"waypoints = {shown(settings.waypoints)}: must be given with the reference 'waypoints', and only with it; "
-            f"reference = {shown(settings.reference)}"
-        )
     if settings.hold and (settings.jitter + settings.control_period) / settings.hold > MOST_TICKS:
         raise ValueError(
             f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
@@ -159,32 +154,55 @@ def checked_previews(name: str, value: Any) -> tuple[float, ...]:
     return tuple(number(f"{name}[{n}]", x, "s", least=1e-6, most=1e5) for n, x in enumerate(listed(name, value)))
 
 
-def checked_paths(name: str, value: Any) -> tuple[str, ...]:
-    """Check the names of the paths.
+def checked_paths(name: str, value: Any) -> tuple[Any, ...]:
+    """Check the kinds of the paths; `own_paths.settled` checks names.
 
     Raises:
-        TypeError, ValueError: for unknown names, or "moves" beside others.
+        TypeError, ValueError: for what is neither a name, a function, nor way-points, alone or in a list.
     """
-    if entries(value) is None and not isinstance(value, str):
+    if isinstance(value, str) or callable(value):
+        return (value,)
+    if (several := entries(value)) is None:
         raise TypeError(
             f"{name} = {shown(value)}: must be a name or several, of {', '.join(map(repr, (*PATHS, 'waypoints')))}, or "
-            "'moves'; a path of your own is reference='waypoints' with waypoints=[(x, y), ...] [m]"
+            "'moves', 'drawn' or 'target'; a path of your own is reference='waypoints' with waypoints=[(x, y), ...] "
+            "[m], or a function of time"
         )
-    wanted = (value,) if isinstance(value, str) else names(name, value)
-    allowed = (*PATHS, "waypoints") if len(wanted) > 1 else (*PATHS, "waypoints", "moves")
-    return tuple(choice(name, one, allowed) for one in wanted)
+    return tuple(
+        one if isinstance(one, str) or callable(one) else _checked_table(f"{name}[{n}]", one)
+        for n, one in enumerate(several)
+    )
 
 
-def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
-    """Check the way-points of the user's path: x, y [m], or time [s], x, y [m]."""
+def checked_waypoints(name: str, value: Any) -> Any:
+    """Check the way-points of the user's path: x, y [m], or time [s], x, y [m]; or a function; or several by name."""
+    if callable(value):
+        return value
+    if isinstance(value, Mapping):
+        return {
+            key: one if callable(one) else _checked_table(f"{name}[{shown(key)}]", one)
+            for key, one in mapping(name, value).items()
+        }
+    return _checked_table(name, value)
+
+
+def _checked_table(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
     given = real_array(name, value)
     columns = 3 if given.ndim == 2 and given.shape[1] == 3 else 2
     return tuple(tuple(row) for row in finite_array(name, given, (None, columns), most=FARTHEST).tolist())
 
 
-def lap_of(waypoints: tuple[tuple[float, ...], ...] | None) -> float | None:
-    """Return when way-points with times end the lap [s]; None: they have no times."""
-    return waypoints[-1][0] if waypoints and len(waypoints[0]) == 3 else None
+def lap_of(waypoints: Any) -> float | None:
+    """Return when way-points with times end the lap [s]; None: they have no times.
+
+    Raises:
+        ValueError: for paths whose laps are not as long as each other.
+    """
+    tables = waypoints.values() if isinstance(waypoints, Mapping) else [waypoints]
+    laps = {table[-1][0] for table in tables if isinstance(table, tuple) and table and len(table[0]) == 3}
+    if len(laps) > 1:
+        raise ValueError(f"waypoints: their laps take {sorted(laps)} s; must be equal")
+    return laps.pop() if laps else None
 
 
 def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
@@ -197,7 +215,7 @@ def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
     for name, value in mapping(label, reward_weights).items():
         if name not in reward.TERMS:
             raise ValueError(f"{label}[{shown(name)}]: no such term; there are {', '.join(map(repr, reward.TERMS))}")
-        weights[name] = number(f"{label}[{shown(name)}]", value, least=0.0, most=LARGEST_WEIGHT)
+        weights[name] = number(f"{label}[{shown(name)}]", value, least=-LARGEST_WEIGHT, most=LARGEST_WEIGHT)
     if not any(weights.values()):
-        raise ValueError(f"{label} = {shown(reward_weights)}: one at least must be > 0")
+        raise ValueError(f"{label} = {shown(reward_weights)}: one at least must not be 0")
     return weights

@@ -26,6 +26,7 @@ from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.parameters import PRESETS, SENSOR_MODELS
+from flexarm_env.validation import shown
 
 # Options whose values have names, with what each name means.
 _NAMED: Mapping[str, Mapping[str, str]] = {
@@ -182,7 +183,7 @@ def reward_table(settings: Settings | None = None) -> str:
     """Tabulate the terms of the reward: all with their default weights, or those with a weight in `settings`."""
     weights = DEFAULT_WEIGHTS if settings is None else settings.reward_weights
     named = [(name, weights.get(name, 0.0), text) for name, text in TERMS.items()]
-    rows = [(f"`{name}`", figure(weight), text) for name, weight, text in named if weight > 0.0 or settings is None]
+    rows = [(f"`{name}`", figure(weight), text) for name, weight, text in named if weight or settings is None]
     return table(("term", "weight", "what"), rows)
 
 
@@ -298,4 +299,4 @@ def figures(values: Iterable[float]) -> str:
 
 
 def _python(value: Any) -> str:
-    return repr(value).replace("'", '"')
+    return getattr(value, "__qualname__", shown(value)).replace("'", '"')

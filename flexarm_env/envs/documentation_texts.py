@@ -57,8 +57,10 @@ and `action_mirror` hold them, for tensors of other libraries. A learner can dou
 policy between the two maps can drive the mirrored laps."""
 REWARD = """\
 The reward uses the true tip, whatever the sensors read; e is its distance from the target after the step. The reward
-is a sum of terms in [0, 1], each times its weight (`reward_weights`). No term is negative, so ending an episode early
-never pays."""
+is a sum of terms in [0, 1], each times its weight (`reward_weights`). No term is negative, so with the
+default weights ending an episode early never pays; with weights below 0 it can. The function `reward` replaces the sum,
+and `termination` ends further episodes. Each is called once a step with the quantities of the infos of the whole batch
+(of a single environment as a batch of one); `info` keeps the weighted terms."""
 LAP_LIST = "\n".join(f"- The *{name} lap*: {lap.text}." for name, lap in LAPS.items())
 SCORE = f"""\
 The reward trains; the score compares. A lap from rest is decided mostly by its start: the target leaves at full

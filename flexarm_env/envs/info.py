@@ -115,7 +115,7 @@ _LITERAL = 15  # CPython makes a dictionary of more items key by key, with the t
 
 def info_keys(settings: Settings) -> tuple[str, ...]:
     """Return the keys of an environment's infos, in their order."""
-    left_out = {TERM + name for name in TERMS if not settings.reward_weights.get(name, 0.0) > 0.0}
+    left_out = {TERM + name for name in TERMS if settings.reward_weights.get(name, 0.0) == 0.0}
     if settings.mode.law != "tip":
         left_out.add("gain")
     if settings.reference != ("moves",):
@@ -223,6 +223,10 @@ class InfoMaker:
     def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
         """Make copies and pickles anew from their simulator, since a generated function cannot be pickled."""
         return InfoMaker, (self._simulator,)
+
+    def quantities(self, known: Array) -> dict[str, Array]:
+        """Name the quantities in results, which infos hold beside `end_code`. Shape (N, k)."""
+        return {name: known[:, place] for name, _, place in self._items}
 
     def batch(self) -> dict[str, Any]:
         """Make the infos of a batch in Gymnasium's form: for each key an array and a mask of the environments with it.

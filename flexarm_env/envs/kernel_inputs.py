@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
+from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING, STARTS
 from flexarm_env.envs.corners import ends
 from flexarm_env.envs.observation import ObservationLayout, shape_of
+from flexarm_env.envs.own_paths import first_rows
 from flexarm_env.envs.settings import Settings
+from flexarm_env.episode import reset
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, in_order, word
+from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, column, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.constants import ConstantChanges
@@ -27,6 +29,7 @@ NAN = float("nan")
 # Codes in the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
 BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
 COMPENSATIONS: tuple[Compensation, ...] = ("none", "shared", "per_joint")  # by their numbers in the arena
+START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}
 DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
 
 
@@ -58,14 +61,57 @@ def _readings_of(settings: Settings) -> int:
     return bits
 
 
-def path_tables(settings: Settings, lanes: int) -> Array:
-    """Return the table of paths, or memory for one path for each lane. Shape (paths, n, 5)."""
-    if settings.paths:
-        return same_length(settings.paths)
-    points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
-    room = np.zeros((lanes, points, 5))
-    room[..., 0] = np.arange(points)  # kernels read the lap time before the first path is drawn
-    return room
+class PathTables(NamedTuple):
+    """Paths of a batch.
+
+    Attributes:
+        table: those of both directions, or memory for one path for each lane. Shape (paths, n, 5).
+        names: of the paths in one direction.
+        first: which of them is the first of each kind of environment.
+    """
+
+    table: Array
+    names: tuple[str, ...]
+    first: list[int]
+
+
+def path_tables(kinds: Sequence[Settings], lanes: int) -> PathTables:
+    """Return the paths of some kinds of environments.
+
+    Raises:
+        ValueError: if their paths differ and one has several.
+    """
+    settings = kinds[0]
+    if not settings.paths:
+        if settings.path_rows:
+            rows = max(one.path_rows for one in kinds)
+            room = np.tile(first_rows(settings, 0, rows), (lanes, 1, 1))
+        else:
+            points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
+            room = np.zeros((lanes, points, 5))
+            room[..., 0] = np.arange(points)  # kernels read the lap time before the first path is drawn
+        return PathTables(room, settings.reference, [0] * len(kinds))
+    keys = [repr((one.reference, one.waypoints, one.side, one.start_corner)) for one in kinds]
+    distinct = dict(zip(reversed(keys), reversed(kinds), strict=True))
+    if len(distinct) > 1 and any(len(one.reference) > 1 for one in kinds):
+        raise ValueError("per_env: environments with different paths must each have one, not several to draw from")
+    paths = [one.paths for one in distinct.values()]
+    names = tuple(name for one in distinct.values() for name in one.reference)
+    in_turn = [path for turn in (0, 1) for each in paths for path in each[turn * len(each) // 2 :][: len(each) // 2]]
+    return PathTables(same_length(in_turn), names, [list(distinct).index(key) for key in keys])
+
+
+def usual_requests(settings: Settings, first_paths: NDArray[np.int64], shape: tuple[int, int]) -> Array:
+    """Return requests for episodes by the settings, and the environments' first paths. Shape (lanes, columns)."""
+    count = len(first_paths)
+    usual = np.full(shape, NAN)
+    usual[:, column.START] = START_CODES[settings.start]
+    usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
+    if settings.path_rows:  # each lane has its own
+        usual[:, column.PATH], usual[:, column.DIRECTION] = np.arange(len(usual)), 0.0
+    elif first_paths.any():
+        usual[:count, column.PATH] = first_paths
+    return usual
 
 
 def kept_actions(kinds: Sequence[Settings]) -> int:
@@ -128,7 +174,6 @@ def _whole_numbers(settings: Settings) -> dict[str, int]:
         "CHANNELS": len(s.action_limit),
         "PREVIEWS": _previews(s),
         "SHIFTING": int(s.mode.shifts),
-        "PATH_NAMES": len(s.reference),
         "DRIVING": 1,
     }
 

@@ -5,7 +5,7 @@ Written by `python -m scripts.docs.environments --no-pictures`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypedDict
 
 from flexarm_env.envs.choices import Frame, Start
@@ -56,8 +56,8 @@ class EnvOptions(TypedDict, total=False):
     previews: Sequence[float]
     last_actions: int
     scaled: bool
-    reference: str | Sequence[str]
-    waypoints: Sequence[Sequence[float]] | None
+    reference: Any
+    waypoints: Any
     side: float
     lap_time: float
     start_corner: Corner
@@ -67,5 +67,7 @@ class EnvOptions(TypedDict, total=False):
     start_spread: Sequence[float]
     randomisation: Mapping[str, Sequence[Any]]
     reward_weights: Mapping[str, float]
+    reward: Callable[[dict[str, Any]], Any] | None
+    termination: Callable[[dict[str, Any]], Any] | None
     deflection_limit: float | None
     error_limit: float | None

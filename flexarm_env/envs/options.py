@@ -6,7 +6,7 @@ made from the text beside each option.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import Any, Literal, get_args
@@ -58,7 +58,7 @@ from flexarm_env.parameters import (
     SensorParameters,
     SquareParameters,
 )
-from flexarm_env.validation import entries, mapping, names, shown
+from flexarm_env.validation import entries, function, mapping, names, shown
 
 
 def _option(default: Any, text: str, allowed: Allowed, own: bool = False) -> Any:
@@ -216,15 +216,20 @@ class Options:
     )
     last_actions: int = _option(1, "number of actions in the block `last_actions`", Integer(1, 100))
     scaled: bool = _option(True, "divide each block by its scale", Flag())
-    reference: str | Sequence[str] = _option(
+    reference: Any = _own(
         "square",
-        'path of the tip; of several (not "moves"), each episode draws one',
-        Custom(checked_paths, text='"square", "circle", "line", "figure_eight", "waypoints", "moves"'),
+        "path of the tip: a name, a function from time to x, y, or several of these and of tables like `waypoints`, of "
+        'which each episode draws one. Alone only: "moves", "drawn", "target" (`set_reference` moves it)',
+        Custom(
+            checked_paths,
+            text='"square", "circle", "line", "figure_eight", "waypoints", "moves", "drawn", "target", a function',
+        ),
     )
-    waypoints: Sequence[tuple[float, ...]] | None = _option(
+    waypoints: Any = _own(
         None,
         'of the reference "waypoints": corners of a closed path at constant speed; or each with its time before it, '
-        "from 0 to the end of the lap",
+        "from 0 to the end of the lap; or a function of time; or a mapping of such by the names in `reference`. Of "
+        '"drawn": a function from a numpy generator to them, called for each episode. Of "target": where it rests',
         Optional(Custom(checked_waypoints, "m, or s, m, m")),
     )
     side: float = _option(
@@ -252,7 +257,20 @@ class Options:
         Custom(lambda name, value: checked_ranges(name, value)),
     )
     reward_weights: Mapping[str, float] = _option(
-        DEFAULT_WEIGHTS, "weights of the reward's terms; a term without one has weight 0", Custom(checked_weights)
+        DEFAULT_WEIGHTS,
+        "weights of the reward's terms, also below 0; a term without one has weight 0",
+        Custom(checked_weights),
+    )
+    reward: Callable[[dict[str, Any]], Any] | None = _option(
+        None,
+        "function from the quantities of the infos, arrays with a row for each environment, to the rewards; None: the "
+        "weighted terms",
+        Optional(Custom(function, text="function")),
+    )
+    termination: Callable[[dict[str, Any]], Any] | None = _option(
+        None,
+        "function from the same to whether episodes end, a bool for each environment, beside the limits",
+        Optional(Custom(function, text="function")),
     )
     deflection_limit: float | None = _option(
         1.5, "deflection of a link's tip that ends an episode; None: no limit", _LIMIT

@@ -11,6 +11,7 @@ from typing import Any
 
 from flexarm_env.allowed import allowed_of
 from flexarm_env.envs.corners import ends
+from flexarm_env.envs.own_paths import OF_EACH
 from flexarm_env.envs.quantities import SHARED_BY_ARMS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.variants import shared_model
@@ -71,6 +72,7 @@ def common_values(settings: Settings) -> dict[str, Any]:
         "action_limit": settings.action_limit if settings.mode.limit != "gain_limit" else None,
         "kept": kept,
         "substeps": settings.substeps,
+        "paths": settings.reference[0] if settings.reference[0] in OF_EACH else "known",
     }
 
 
@@ -129,6 +131,9 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
             f"torque_limit or actuation_delay: with action_mode = {one.action_mode!r} all environments must have the "
             "same"
         )
+    if name == "paths":
+        kinds = ", ".join(map(repr, OF_EACH))
+        return f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds}"
     steps = [s.control_period / s.substeps for s in (one, first)]
     return (
         f"physics_step = None: its arm would be integrated by steps of {steps[0]:.4g} s, that of environment 0 by "

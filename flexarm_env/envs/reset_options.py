@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import START_CODES, BatchSimulator
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.corners import further_draws
 from flexarm_env.envs.distributions import ends_of
-from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
+from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES, START_CODES
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.physics.paths import PATHS
@@ -33,12 +33,15 @@ OPTIONS = {
 }
 
 
-def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulator) -> Array:
+def reset_requests_of(
+    options: Mapping[str, Any] | None, simulator: BatchSimulator, lasting: Array | None = None
+) -> Array:
     """Make the requests for the resets of a batch.
 
     Args:
         options: mapping of keys of `OPTIONS` to a value for all environments, or one for each.
         simulator: the environments.
+        lasting: requests where `options` has none; None: the settings'.
 
     Returns:
         Requests, see `entries.Column`. Shape (N, columns).
@@ -47,12 +50,13 @@ def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulat
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
     asked = mapping("options", {} if options is None else options)
+    usual = simulator.usual_requests if lasting is None else lasting
     if not asked:
-        return simulator.usual_requests
+        return usual
     for name in asked:
         if name not in OPTIONS:
             raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
-    reset_requests = simulator.usual_requests.copy()
+    reset_requests = usual.copy()
     if "start" in asked:
         names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], simulator)]
         for name in set(names):
@@ -126,10 +130,10 @@ def _numbers(
 
 
 def _path_indices(value: Any, simulator: BatchSimulator) -> list[int]:
-    names = simulator.settings.reference
     if not simulator.settings.paths:
-        raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
-    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, simulator)]
+        raise ValueError(f"options['path'] = {shown(value)}: each episode has its own path; it has no names")
+    given = zip(_each("path", value, simulator), simulator.each, simulator.first_paths.tolist(), strict=True)
+    return [first + one.reference.index(choice("options['path']", name, one.reference)) for name, one, first in given]
 
 
 def _directions(value: Any, simulator: BatchSimulator) -> list[float]:

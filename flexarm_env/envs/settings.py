@@ -16,6 +16,7 @@ from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
 from flexarm_env.envs.corners import ends, worst
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.options import Options
+from flexarm_env.envs.own_paths import OF_EACH, rows_of, settled
 from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
 from flexarm_env.episode.step import PROGRAMS
@@ -69,13 +70,19 @@ class Settings(Options):
     def __post_init__(self) -> None:
         """Validate all options; lists (as in JSON) become tuples."""
         check_fields(self)
+        for name, value in zip(("reference", "waypoints"), settled(self), strict=True):
+            object.__setattr__(self, name, value)
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
-        if (lap := lap_of(self.waypoints)) is not None:  # type: ignore[arg-type]
+        if (lap := lap_of(self.waypoints)) is not None:
             object.__setattr__(self, "lap_time", allowed_of(type(self), "lap_time").check("waypoints[-1][0]", lap))
         if self.sensor_position is None:
             object.__setattr__(self, "sensor_position", arm_parameters(self.arm).link_lengths[1])
+        if self.reward is None and max(self.reward_weights.values()) <= 0.0:
+            gymnasium.logger.warn(
+                f"reward_weights = {shown(self.reward_weights)}: no reward is above 0: ending an episode early pays"
+            )
         for what in ("law", "sensor_parameters", "flexible_arm"):
             getattr(self, what)  # each derived value has its own checks
         self._refuse_what_does_not_fit()
@@ -90,7 +97,8 @@ class Settings(Options):
     def _refuse_what_does_not_fit(self) -> None:
         """Refuse sensors and paths beyond the arm, all at once."""
         found = []
-        for check in (self._check_sensor, lambda: self.further_sensors, lambda: self.paths):
+        checks = (self._check_sensor, lambda: self.further_sensors, lambda: self.paths, lambda: self.path_rows)
+        for check in checks:
             try:
                 check()
             except ValueError as error:
@@ -174,12 +182,13 @@ class Settings(Options):
 
     @cached_property
     def paths(self) -> list[ReferencePath]:
-        """Paths of `reference`, in one of `DIRECTIONS` and then in the other; empty if each episode draws its own."""
-        if self.reference == ("moves",):
+        """Paths of `reference`, in one of `DIRECTIONS` and then in the other; empty if each episode has its own."""
+        if self.reference[0] in OF_EACH:
             return []
+        own = self.waypoints if isinstance(self.waypoints, Mapping) else {"waypoints": self.waypoints}
         tasks = [SquareParameters(self.side, self.lap_time, self.start_corner, one) for one in DIRECTIONS]
         found = [
-            (name, way_points(task, self.waypoints or ()) if name == "waypoints" else PATHS[name](task))
+            (name, PATHS[name](task) if name in PATHS else way_points(task, own[name]))
             for task in tasks
             for name in self.reference
         ]
@@ -187,9 +196,19 @@ class Settings(Options):
             try:
                 path.check_reach(self.flexible_arm.parameters)
             except ValueError as error:
-                what = f"waypoints = {self.waypoints!r}" if name == "waypoints" else f"side = {self.side} m"
+                what = f"side = {self.side} m" if name in PATHS else f"waypoints = {shown(own[name])}"
                 raise ValueError(f"{what}: {error}") from None
         return [path for _, path in found]
+
+    @cached_property
+    def path_rows(self) -> int:
+        """How many rows the table of an environment's own path has that Python writes; 0: there is none."""
+        return rows_of(self) if self.reference[0] in OF_EACH[1:] else 0
+
+    @property
+    def has_own_terms(self) -> bool:
+        """Whether a function of the user's rewards or ends episodes."""
+        return self.reward is not None or self.termination is not None
 
     @property
     def disturbed(self) -> bool:

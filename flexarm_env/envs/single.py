@@ -19,134 +19,20 @@ from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, RENDER_MODES, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
 from flexarm_env.envs.info import Episode, InfoMaker, episodes
 from flexarm_env.envs.option_types import EnvOptions
+from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.registration import warn_of_short_limit
-from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import generator_words, new_keys, set_generator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import GENERATOR, Words
-from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import choice, finite_array, real_array, shown
-
-RENDER_MODES = ("rgb_array", "human")
-FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
-
-
-class FlexArmEnvBase:
-    """Properties that single and vector environments have in common."""
-
-    simulator: BatchSimulator
-    spec: EnvSpec | None
-    _started: bool
-
-    def __repr__(self) -> str:
-        """Describe the environment in a line."""
-        return self._described()
-
-    def __str__(self) -> str:
-        """Return the same: Gymnasium's wrappers write it within their own."""
-        return repr(self)
-
-    def _described(self, *more: str) -> str:
-        settings = self.settings
-        name = " ".join([type(self).__name__, *([self.spec.id] if self.spec else [])])
-        period, size = f"{1e3 * settings.control_period:g} ms", len(self.simulator.layout.scale)
-        facts = (*more, settings.action_mode, f"arm={shown(settings.arm)}", period, f"{size} numbers observed")
-        return f"<{name}: {', '.join(facts)}>"
-
-    def _check_begun(self) -> None:
-        if not self._started:
-            raise AttributeError("episode: none has begun; call reset() first")
-
-    def _spaces(self) -> tuple[Any, Any]:
-        """Return the spaces of one environment's observation and action."""
-        bound = self.simulator.layout.bound
-        observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
-        return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
-
-    def _fps(self) -> int:
-        """Return the pictures a second: one for each control period, at most `FASTEST_VIDEO` [1/s]."""
-        return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
-
-    @property
-    def settings(self) -> Settings:
-        """All options, validated; those of environment 0 if the environments of a batch have different ones."""
-        return self.simulator.settings
-
-    @property
-    def arm(self) -> FlexibleArm:
-        """The arm, unless an episode draws another payload, stiffness or damping."""
-        return self.settings.flexible_arm
-
-    @property
-    def observation_blocks(self) -> dict[str, slice]:
-        """Where each named block lies in an observation."""
-        return dict(self.simulator.layout.blocks)
-
-    @property
-    def observation_scale(self) -> NDArray[np.float64]:
-        """Divisor of each number of an observation, in the block's unit. Shape (k,)."""
-        return self.simulator.layout.scale.copy()
-
-    @property
-    def observation_mirror(self) -> NDArray[np.float32]:
-        """Sign of each number of an observation in the mirrored episode. Shape (k,)."""
-        return self.simulator.layout.mirror.copy()
-
-    @property
-    def action_mirror(self) -> NDArray[np.float32]:
-        """Sign of each number of an action in the mirrored episode. Shape (channels,)."""
-        return np.full(len(self.settings.action_limit), self.settings.mode.mirror, dtype=np.float32)
-
-    def mirror_observation(self, observation: ArrayLike) -> NDArray[np.float32]:
-        """Return what the mirrored arm observes; mirroring twice gives the observation back.
-
-        Args:
-            observation: one, or any number of them. Shape (..., k).
-
-        Raises:
-            ValueError: for another shape.
-        """
-        return _mirrored("observation", observation, self.observation_mirror)
-
-    def mirror_action(self, action: ArrayLike) -> NDArray[np.float32]:
-        """Return the action that does to the mirrored arm what this one does to the arm.
-
-        Args:
-            action: one, or any number of them. Shape (..., channels).
-
-        Raises:
-            ValueError: for another shape.
-        """
-        return _mirrored("action", action, self.action_mirror)
-
-    @property
-    def gain_limit(self) -> float:
-        """Gain lambda at action 1.
-
-        Raises:
-            AttributeError: the action is not the gain.
-        """
-        if self.settings.mode.limit != "gain_limit":
-            raise AttributeError(f"gain_limit: the action is {self.settings.action_mode!r}, not the gain")
-        return self.settings.gain_limit
-
-    @property
-    def control_period(self) -> float:
-        """Time for which an action is held [s]."""
-        return self.settings.control_period
-
-    @property
-    def lap_steps(self) -> int:
-        """Control periods in a lap."""
-        return max(1, round(self.settings.lap_time / self.settings.control_period))
+from flexarm_env.validation import choice, finite_array
 
 
 class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -183,6 +69,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         self._scene = None if render_mode is None else Scene(self.simulator, 0, render_mode, self._fps())
         self._begin = np.zeros(1, dtype=np.int64)
         self._shape: tuple[int, ...] = self.action_space.shape or ()
+        self._judges = self.settings.has_own_terms
         self._started = False
         self._limit_checked = False
 
@@ -205,7 +92,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             seed: seed of `np_random`, which determines all that is random in the episodes; None: no new seed.
             options: see `flexarm_env.envs.reset_options.OPTIONS`; an unknown key raises `ValueError`.
         """
-        reset_requests = reset_requests_of(options, self.simulator)
+        reset_requests = self._requests(options)
         super().reset(seed=seed)  # refuses a bad seed before it changes anything
         self._check_time_limit()
         self.simulator.start(new_keys(self.np_random, 1), self._begin, reset_requests)
@@ -241,6 +128,8 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         advance, infos = simulator.single_step, self._infos
         if not advance():
             finite_array("action", action, self._shape)  # raises the error that names what is wrong
+        if self._judges:
+            judge(simulator, infos, simulator.single_result[None], NOBODY)
         read, (reward, status) = infos.read, simulator.single_end
         info, terminated = read(), status != 0.0
         if terminated:
@@ -332,16 +221,3 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
     def _show(self, result: NDArray[np.float64]) -> None:
         if self.render_mode == "human" and self._scene is not None:
             self._scene.draw(result)
-
-
-def _mirrored(name: str, values: ArrayLike, signs: NDArray[np.float32]) -> NDArray[np.float32]:
-    numbers = real_array(name, values).astype(np.float32)
-    if numbers.shape[-1:] != signs.shape:
-        raise ValueError(f"{name}: must have shape (..., {len(signs)}), got {numbers.shape}")
-    return numbers * signs
-
-
-def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
-    """Convert actions to the action space's float32, limited first: a float64 may exceed the range of float32."""
-    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # faster than `np.clip`
-    return limited.astype(np.float32)

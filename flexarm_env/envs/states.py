@@ -58,7 +58,7 @@ class Views(NamedTuple):
 class States:
     """Reads and writes the states of a batch's environments."""
 
-    def __init__(self, views: Views, variant: Variant, fixed: frozenset[str], beside: int) -> None:
+    def __init__(self, views: Views, variant: Variant, fixed: frozenset[str], beside: int, own: bool) -> None:
         """Find the places of everything.
 
         Args:
@@ -66,20 +66,21 @@ class States:
             variant: of its kernels.
             fixed: names of the rows that no episode changes, which stay where they are.
             beside: words that another engine's plant adds.
+            own: whether each lane has a path of its own.
         """
         self._views = views
         self._lanes = lanes = views.arenas.shape[2]
         blocks = len(views.arenas)
         clocks = [clock_row.STEPS, clock_row.SINCE, clock_row.BEGAN]
-        if not variant.own_paths:
+        if not own:
             clocks.append(clock_row.PATH)
         parts: list[NDArray[Any]] = [views.keys.reshape(blocks, 1, lanes)]
         parts += [views.clocks[:, one : one + 1] for one in clocks]
         parts += [views.arenas[:, low:high] for low, high in _runs(variant, fixed, views.arenas.shape[1])]
         parts.append(np.moveaxis(views.drawn.reshape(blocks, lanes, views.drawn.shape[1]), 1, 2))
-        if variant.own_paths:  # one for each lane
+        if own:  # one for each lane
             parts.append(np.moveaxis(views.paths.reshape(blocks, lanes, -1), 1, 2))
-        self._path = _FIRST + len(clocks) if not variant.own_paths else None
+        self._path = _FIRST + len(clocks) if not own else None
         self._parts, end = [], _FIRST
         for part in parts:
             # the lane before the number, so that both indices of a lane stand together
@@ -90,7 +91,7 @@ class States:
         self._beside = slice(self._observed.stop, self._observed.stop + beside)
         self.size = self._beside.stop
         header = views.header
-        paths = None if variant.own_paths else views.paths.tobytes()
+        paths = None if own else views.paths.tobytes()
         meaning = (
             *(replace(variant, lanes=1, disturbed=False).kind, variant.rows, variant.own_paths, fixed, self.size),
             *((name, int(header[getattr(word, name)])) for name in _MEANING),

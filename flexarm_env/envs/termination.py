@@ -14,6 +14,7 @@ ENDS = {
     "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
     "diverged": "a number of the state is not finite",
+    "own": "the function `termination` says so",
 }
 NOT_TERMINATED = "none"
 END_CODES = {NOT_TERMINATED: 0} | {reason: code for code, reason in enumerate(ENDS, 1)}

@@ -26,15 +26,15 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, RENDER_MODES, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
 from flexarm_env.envs.option_types import EnvOptions
+from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
-from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
-from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FlexArmEnvBase, rounded
 from flexarm_env.envs.states import GENERATOR, Words
 from flexarm_env.validation import choice, entries, finite_array, integer, mapping, real_array, shown
 
@@ -42,8 +42,6 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 MOST = 10**15  # control periods, environments; a float64 counts them one by one
-NOBODY = np.zeros(0, dtype=np.int64)
-NOBODY.setflags(write=False)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 
@@ -114,8 +112,8 @@ class FlexArmVectorEnv(
         self._keys = EpisodeKeys(self.num_envs)
         self._limit = limit
         self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
+        self._judges = self.settings.has_own_terms
         self._ended = NOBODY  # environments whose episode is over
-        self._reset_requests = reset_requests_of(None, self.simulator)
         self._started = False
         parts = self.simulator.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
@@ -163,7 +161,7 @@ class FlexArmVectorEnv(
         """
         wanted = mapping("options", {} if options is None else options)
         mask = self._mask(wanted.pop("reset_mask", None))
-        reset_requests = reset_requests_of(wanted, self.simulator)
+        reset_requests = self._requests(wanted)
         self._seed(seed, mask)  # refuses a bad seed before it changes anything
         begun = np.flatnonzero(mask)
         self.simulator.start(self._keys.take(begun), begun, reset_requests)
@@ -193,9 +191,11 @@ class FlexArmVectorEnv(
             )
         begun = self._ended  # empty except with next-step reset
         if len(begun):
-            self.simulator.request_resets(self._keys.take(begun), begun, self._reset_requests)
+            self.simulator.request_resets(self._keys.take(begun), begun, self._requests())
         self.simulator.step()
         results = self.simulator.results
+        if self._judges:
+            judge(self.simulator, self._infos, results, begun)
         status = results[:, self._status]
         terminated = status != 0.0
         truncated = results[:, self._time] > self._longest
@@ -271,19 +271,6 @@ class FlexArmVectorEnv(
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _chosen(self, caller: str, rows: Sequence[int] | Indices | None) -> Indices:
-        """Return the indices of the environments that a caller asks for."""
-        if not self._started:
-            raise RuntimeError(f"{caller}() before reset(): there are no states")
-        if rows is None:
-            return np.arange(self.num_envs)
-        chosen = np.asarray(rows)
-        if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
-            raise ValueError(f"rows = {shown(rows)}: must be indices of environments")
-        if chosen.min() < 0 or chosen.max() >= self.num_envs or len(np.unique(chosen)) < len(chosen):
-            raise ValueError(f"rows = {shown(rows)}: must be from 0 to {self.num_envs - 1}, each only once")
-        return chosen.astype(np.int64)
-
     def _mask(self, mask: Any) -> Flags:
         if mask is None:
             return np.ones(self.num_envs, dtype=bool)
@@ -324,7 +311,7 @@ class FlexArmVectorEnv(
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
             final_obs[i] = self.simulator.observations[i].copy()
-        self.simulator.start(self._keys.take(ended), ended, self._reset_requests)
+        self.simulator.start(self._keys.take(ended), ended, self._requests())
         merged = self._infos.batch()
         done = np.zeros(self.num_envs, dtype=bool)
         done[ended] = True

@@ -9,8 +9,8 @@ import gymnasium
 
 from flexarm_env.codegen import cache
 from flexarm_env.codegen.cache_folder import find_folder
+from flexarm_env.envs.base import FlexArmEnvBase
 from flexarm_env.envs.batch import BatchSimulator
-from flexarm_env.envs.single import FlexArmEnvBase
 from flexarm_env.validation import integer, listed, mapping, names, shown
 
 

@@ -192,10 +192,11 @@ def same_length(paths: Sequence[ReferencePath]) -> Array:
         Shape (paths, n, 5), see `ReferencePath.rows`.
     """
     sides = max(len(path.table) for path in paths) - 1
-    return np.array([with_velocities(_subdivided(path.table, sides)) for path in paths])
+    return np.array([with_velocities(subdivided(path.table, sides)) for path in paths])
 
 
-def _subdivided(table: Array, sides: int) -> Array:
+def subdivided(table: Array, sides: int) -> Array:
+    """Divide a table's sides evenly, so that there are so many; at least as many as there are. Shape (sides + 1, 3)."""
     own = len(table) - 1
     pieces = np.full(own, sides // own)
     pieces[: sides % own] += 1

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -21,6 +22,7 @@ from flexarm_agents.commands.arguments import EXAMPLES, STATUS
 from flexarm_agents.commands.fields import read_fields
 from flexarm_agents.commands.progress import episode_steps, progress_bar
 from flexarm_agents.commands.text import columns, from_markdown
+from flexarm_agents.environments import check_id, settings_of
 from flexarm_agents.training.config import ALGORITHMS, config_class
 from flexarm_baselines.registry import controller_names
 from flexarm_env.envs.documentation import table
@@ -147,6 +149,18 @@ def test_show_tells_all_that_is_declared(name: str) -> None:
 def test_show_takes_an_id_without_namespace(flexarm: Shell) -> None:
     first = flexarm("show", "Reach-v0").stdout
     assert flexarm("show", "flexarm_env:FlexArm/Reach-v0").stdout == first
+
+
+def test_ids_of_other_modules(flexarm: Shell) -> None:
+    """The command finds them in the present folder, and writes what the module says."""
+    register = """import gymnasium; gymnasium.register("Mine/Task-v0", "flexarm_env.envs.single:FlexArmEnv",
+        max_episode_steps=700, kwargs={"reward": lambda infos: infos["time"], "side": 8.0})"""
+    Path("own_task_of_a_test.py").write_text(f'"""Go round a small square.\n\nFor beginners."""\n{register}\n')
+    out = flexarm("show", "own_task_of_a_test:Mine/Task-v0").stdout
+    for words in ("Mine/Task-v0: Go round a small square.\n\nFor beginners.", "700 steps", "side    8.0", "<lambda>"):
+        assert words in out
+    assert "its module cannot be imported" in flexarm("show", "no_such_module:Mine/Task-v0", status=1).stderr
+    assert settings_of(check_id("own_task_of_a_test:Mine/Task-v0"), {}).side == 8.0
 
 
 def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:

@@ -149,8 +149,10 @@ def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
 def test_options_are_not_set_in_vain(env: FlexArmVecEnv) -> None:
     with pytest.raises(AttributeError, match=r"attr_name = 'reward_weights': an option.*set_env.*set_options"):
         VecMonitor(env).set_attr("reward_weights", {"effort": 1.0})
+    env.set_attr("randomisation", {"payload_mass": (0.0, 0.0)})
     env.set_options({"parameters": {"delay": 0.02}})
     env.reset()
+    assert [episode.parameters["payload_mass"] for episode in env.get_attr("episode")] == [0.0] * COUNT
     assert [episode.parameters["delay"] for episode in env.get_attr("episode")] == [0.02] * COUNT
 
 

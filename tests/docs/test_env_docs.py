@@ -236,7 +236,7 @@ def test_info_tables(name: str, env: FlexArmEnv) -> None:
 
 
 def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:
-    statuses = (-3.0, -2.0, -1.0, *(entry + 1.0 for entry in range(env.arm.size + 2)))
+    statuses = (-4.0, -3.0, -2.0, -1.0, *(entry + 1.0 for entry in range(env.arm.size + 2)))
     assert {env.simulator.failures[status] for status in statuses} == set(ENDS)
 
 

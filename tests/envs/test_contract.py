@@ -96,6 +96,8 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
 def test_the_spec_survives_json(env_id: str, options: dict[str, Any]) -> None:
     env = make(env_id, **options)
     assert env.spec is not None
+    if any(map(callable, options.values())):
+        pytest.skip("JSON has no functions")
     text = env.spec.to_json()
     json.loads(text)
     twin = gym.make(gym.envs.registration.EnvSpec.from_json(text))

@@ -61,7 +61,7 @@ def test_codes_and_reasons() -> None:
     assert [END_CODES[name] for name in ("none", "error", "deflection", "angle", "rate", "diverged")] == [*range(6)]
     assert set(END_CODES) == {"none", *ENDS}
     assert end_reason(np.float64(2.0)) == "deflection"
-    for bad in (6, -1, 1.5, float("nan")):
+    for bad in (7, -1, 1.5, float("nan")):
         with refuses((TypeError, ValueError), "code = "):
             end_reason(bad)
 

@@ -41,6 +41,8 @@ TORQUE_LANES: dict[str, list[Any]] = {
     "actuation_delay": [0.0, 0.0, 0.013, 0.0, 0.0, 0.0, 0.0, 0.03, 0.0],
     "direction": ["clockwise", "counterclockwise", "either"] * 3,
     "elbow_branch": ["positive", "negative", "either", "either", "negative"] + ["positive", "negative"] * 2,
+    "reference": ["square"] * 9,
+    "waypoints": [None] * 9,
     "randomisation": [{}] * 7 + [{"payload_mass": (0.0, 0.5), "noise": (0.0, 0.02)}, {"delay": (0.0, 0.05)}],
 }
 SENSOR_LANES: dict[str, list[Any]] = {

@@ -95,7 +95,7 @@ def test_a_bad_reset_option_is_refused_and_nothing_moves(
 
 @pytest.mark.usefixtures("uncompiled")
 def test_options_that_settings_rule_out() -> None:
-    with refuses(ValueError, "options['path'] = 'square'", "draws its own moves"):
+    with refuses(ValueError, "options['path'] = 'square'", "has its own path"):
         bare("FlexArm/Reach-v0").reset(options={"path": "square"})
     with refuses(ValueError, "options['direction'] = 'clockwise'", "no effect"):
         bare("FlexArm/Reach-v0").reset(options={"direction": "clockwise"})

@@ -90,7 +90,25 @@ _SENSING: list[dict[str, Any]] = [
     POOR_SENSOR | {"delay": 0.02, "sensor_position": 2.0, "scaled": True, "frame": "link"},
     {"sensor": "collocated", "arm": {"payload_mass": 0.5}},
 ]
+
+
+def drawn_corners(rng: np.random.Generator) -> Array:
+    """Way-points of the path of an episode."""
+    return np.array(WAYPOINTS) + rng.uniform(-0.5, 0.5, 2)
+
+
+def error_of(infos: dict[str, Any]) -> Array:
+    """Return a reward from 0 to 1."""
+    return np.asarray(np.exp(-infos["tip_error"]))
+
+
+def is_bent(infos: dict[str, Any]) -> NDArray[np.bool_]:
+    """Return whether episodes end."""
+    return np.asarray(np.abs(infos["state"][:, 2]) > 0.05)
+
+
 _PATHS: list[dict[str, Any]] = [
+    {"reference": "drawn", "waypoints": drawn_corners, "reward": error_of, "termination": is_bent},
     {"reference": ["square", "circle", "line", "figure_eight", "waypoints"], "waypoints": WAYPOINTS, "side": 8.0},
     {"reference": "moves", "lap_time": 6.0, "start": "corners"},
 ]

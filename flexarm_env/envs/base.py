@@ -1,0 +1,212 @@
+"""What single and vector environments have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.reset_options import reset_requests_of
+from flexarm_env.envs.settings import Settings
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import mapping, real_array, shown
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+RENDER_MODES = ("rgb_array", "human")
+FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
+
+
+NOBODY = np.zeros(0, dtype=np.int64)
+NOBODY.setflags(write=False)
+
+
+class FlexArmEnvBase:
+    """Properties that single and vector environments have in common."""
+
+    simulator: BatchSimulator
+    spec: EnvSpec | None
+    _started: bool
+    _lasting: Array | None = None  # requests for resets that `set_options` has left
+
+    def __repr__(self) -> str:
+        """Describe the environment in a line."""
+        return self._described()
+
+    def __str__(self) -> str:
+        """Return the same: Gymnasium's wrappers write it within their own."""
+        return repr(self)
+
+    def _described(self, *more: str) -> str:
+        settings = self.settings
+        name = " ".join([type(self).__name__, *([self.spec.id] if self.spec else [])])
+        period, size = f"{1e3 * settings.control_period:g} ms", len(self.simulator.layout.scale)
+        facts = (*more, settings.action_mode, f"arm={shown(settings.arm)}", period, f"{size} numbers observed")
+        return f"<{name}: {', '.join(facts)}>"
+
+    def _check_begun(self) -> None:
+        if not self._started:
+            raise AttributeError("episode: none has begun; call reset() first")
+
+    def _spaces(self) -> tuple[Any, Any]:
+        """Return the spaces of one environment's observation and action."""
+        bound = self.simulator.layout.bound
+        observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+
+    def _fps(self) -> int:
+        """Return the pictures a second: one for each control period, at most `FASTEST_VIDEO` [1/s]."""
+        return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
+
+    @property
+    def settings(self) -> Settings:
+        """All options, validated; those of environment 0 if the environments of a batch have different ones."""
+        return self.simulator.settings
+
+    @property
+    def arm(self) -> FlexibleArm:
+        """The arm, unless an episode draws another payload, stiffness or damping."""
+        return self.settings.flexible_arm
+
+    @property
+    def observation_blocks(self) -> dict[str, slice]:
+        """Where each named block lies in an observation."""
+        return dict(self.simulator.layout.blocks)
+
+    @property
+    def observation_scale(self) -> NDArray[np.float64]:
+        """Divisor of each number of an observation, in the block's unit. Shape (k,)."""
+        return self.simulator.layout.scale.copy()
+
+    @property
+    def observation_mirror(self) -> NDArray[np.float32]:
+        """Sign of each number of an observation in the mirrored episode. Shape (k,)."""
+        return self.simulator.layout.mirror.copy()
+
+    @property
+    def action_mirror(self) -> NDArray[np.float32]:
+        """Sign of each number of an action in the mirrored episode. Shape (channels,)."""
+        return np.full(len(self.settings.action_limit), self.settings.mode.mirror, dtype=np.float32)
+
+    def mirror_observation(self, observation: ArrayLike) -> NDArray[np.float32]:
+        """Return what the mirrored arm observes; mirroring twice gives the observation back.
+
+        Args:
+            observation: one, or any number of them. Shape (..., k).
+
+        Raises:
+            ValueError: for another shape.
+        """
+        return _mirrored("observation", observation, self.observation_mirror)
+
+    def mirror_action(self, action: ArrayLike) -> NDArray[np.float32]:
+        """Return the action that does to the mirrored arm what this one does to the arm.
+
+        Args:
+            action: one, or any number of them. Shape (..., channels).
+
+        Raises:
+            ValueError: for another shape.
+        """
+        return _mirrored("action", action, self.action_mirror)
+
+    @property
+    def gain_limit(self) -> float:
+        """Gain lambda at action 1.
+
+        Raises:
+            AttributeError: the action is not the gain.
+        """
+        if self.settings.mode.limit != "gain_limit":
+            raise AttributeError(f"gain_limit: the action is {self.settings.action_mode!r}, not the gain")
+        return self.settings.gain_limit
+
+    @property
+    def control_period(self) -> float:
+        """Time for which an action is held [s]."""
+        return self.settings.control_period
+
+    @property
+    def lap_steps(self) -> int:
+        """Control periods in a lap."""
+        return max(1, round(self.settings.lap_time / self.settings.control_period))
+
+    # --- what later steps and episodes take --------------------------------------------------------------------------
+
+    def set_reference(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike = (0.0, 0.0),
+        previews: ArrayLike | None = None,
+        rows: Sequence[int] | Indices | None = None,
+    ) -> None:
+        """Move the target, from the present instant on; the next step observes it. Only with `reference="target"`.
+
+        It goes on with its velocity, and stops where the reach ends, until it is set again or the episode ends. What
+        sensors have read before is compared with where it was then.
+
+        Args:
+            position: x, y [m]. Shape (2,), or (n, 2) with one for each environment.
+            velocity: [m/s]. Shape (2,) or (n, 2).
+            previews: where it will be at each horizon of the option `previews`, straight in between [m]; None: by the
+                velocity. Shape (horizons, 2) or (n, horizons, 2).
+            rows: indices of the environments; None: all.
+
+        Raises:
+            TypeError, ValueError: for another reference, what is out of reach or too fast, or another shape.
+            RuntimeError: before the first reset.
+        """
+        self.simulator.set_target(self._chosen("set_reference", rows), position, velocity, previews)
+
+    def set_options(self, options: Mapping[str, Any]) -> None:
+        """Say how all later episodes begin, also those that begin by themselves; `reset(options=...)` goes first.
+
+        Args:
+            options: keys of `flexarm_env.envs.reset_options.OPTIONS` with a value for all environments or one for each,
+                in place of those of an earlier call; and `randomisation`, distributions within those of `make`, where
+                what is left out stays as it is.
+
+        Raises:
+            TypeError, ValueError: for an unknown option or a bad value; nothing has changed then.
+        """
+        asked = mapping("options", options)
+        ranges = asked.pop("randomisation", {})
+        requests = reset_requests_of(asked, self.simulator)
+        self.simulator.draws.ranges = ranges
+        self._lasting = requests if asked else None
+
+    def _requests(self, options: Mapping[str, Any] | None = None) -> Array:
+        """Return the requests for episodes that begin now."""
+        return reset_requests_of(options, self.simulator, self._lasting)
+
+    def _chosen(self, caller: str, rows: Sequence[int] | Indices | None) -> Indices:
+        """Return the indices of the environments that a caller asks for."""
+        count = len(self.simulator)
+        if not self._started:
+            raise RuntimeError(f"{caller}() before reset(): there are no states")
+        if rows is None:
+            return np.arange(count)
+        chosen = np.asarray(rows)
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
+            raise ValueError(f"rows = {shown(rows)}: must be indices of environments")
+        if chosen.min() < 0 or chosen.max() >= count or len(np.unique(chosen)) < len(chosen):
+            raise ValueError(f"rows = {shown(rows)}: must be from 0 to {count - 1}, each only once")
+        return chosen.astype(np.int64)
+
+
+def _mirrored(name: str, values: ArrayLike, signs: NDArray[np.float32]) -> NDArray[np.float32]:
+    numbers = real_array(name, values).astype(np.float32)
+    if numbers.shape[-1:] != signs.shape:
+        raise ValueError(f"{name}: must have shape (..., {len(signs)}), got {numbers.shape}")
+    return numbers * signs
+
+
+def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
+    """Convert actions to the action space's float32, limited first: a float64 may exceed the range of float32."""
+    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # faster than `np.clip`
+    return limited.astype(np.float32)
