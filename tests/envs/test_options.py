@@ -102,6 +102,8 @@ MESSAGES = [
     refused(r"reward_weights\['effort'\] = -1000.*: must be .* >= -1000", {"reward_weights": {"effort": -1e13}}),
     refused(r"reward_weights = .*: one at least must not be 0", {"reward_weights": {"effort": 0.0}}),
     refused(r"reward_weights = 1\.0: must be a mapping of names", {"reward_weights": 1.0}, error=TypeError),
+    refused(r"reward = 1\.0: must be a function", {"reward": 1.0}, error=TypeError),
+    refused(r"termination = True: must be a function", {"termination": True}, error=TypeError),
     refused(r"physics_step = 1e-09 s: 1e\+07 integration steps .*at most 20000 are", {"physics_step": 1e-9}),
     refused(r"payload_inertia = 1e\+30: must be .* \[kg m\^2\]", {"arm": {"payload_inertia": 1e30}}),
     refused(r"mode_scale = 1e-300: must be .* >= 0.001", {"arm": {"mode_scale": 1e-300}}),

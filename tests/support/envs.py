@@ -97,9 +97,9 @@ def drawn_corners(rng: np.random.Generator) -> Array:
     return np.array(WAYPOINTS) + rng.uniform(-0.5, 0.5, 2)
 
 
-def error_of(infos: dict[str, Any]) -> Array:
-    """Return a reward from 0 to 1."""
-    return np.asarray(np.exp(-infos["tip_error"]))
+def terms_together(infos: dict[str, Any]) -> Array:
+    """Return the reward that is their sum."""
+    return np.asarray(sum(terms_of(infos).values()))
 
 
 def is_bent(infos: dict[str, Any]) -> NDArray[np.bool_]:
@@ -108,7 +108,7 @@ def is_bent(infos: dict[str, Any]) -> NDArray[np.bool_]:
 
 
 _PATHS: list[dict[str, Any]] = [
-    {"reference": "drawn", "waypoints": drawn_corners, "reward": error_of, "termination": is_bent},
+    {"reference": "drawn", "waypoints": drawn_corners, "reward": terms_together, "termination": is_bent},
     {"reference": ["square", "circle", "line", "figure_eight", "waypoints"], "waypoints": WAYPOINTS, "side": 8.0},
     {"reference": "moves", "lap_time": 6.0, "start": "corners"},
 ]
