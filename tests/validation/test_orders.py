@@ -32,6 +32,7 @@ from flexarm_env import (
 )
 from flexarm_env.parameters import Kinematics
 from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline, number_ticks
+from tests.support.loops import resting_at
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.small_motion import rate
 
@@ -42,7 +43,6 @@ Torque = Callable[[float, Array], Array]
 
 TIME = 0.1  # [s]
 CORNER = np.array([-6.3, -6.3])
-NEARBY = 1e-12  # [m]; a path needs two points, and one so short, travelled within a day, is a point
 PERIOD = 1e-3  # [s] control period of `FlexArm/Paper-v0`; all runs are compared at its instants
 LAW = LawParameters()
 DELAY = 4e-3  # [s]; a whole number of every step, so that no jump falls within one
@@ -271,10 +271,8 @@ def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: flo
         arm=arm.parameters,
         physics_step=step,
         gain_limit=gain,
-        reference="waypoints",
-        waypoints=[tuple(CORNER), tuple(CORNER + NEARBY)],
-        lap_time=1e5,
         max_episode_steps=-1,
+        **resting_at(*CORNER),
         **options,
     ).unwrapped
     states = [env.reset(seed=0, options={"state": start})[1]["state"]]
