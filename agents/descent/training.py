@@ -28,16 +28,12 @@ class Candidate(NamedTuple):
 
 
 class FOPGTraining(Rounds):
-    """A training with several untrained policies at the beginning, of which the best one goes on.
-
-    Attributes:
-        leading: the best candidate whose trial is over; None before the first, and after the last.
-    """
+    """A training with several untrained policies at the beginning, of which the best one goes on."""
 
     config: FOPGConfig
     driver: Driver
     learner: Learner
-    leading: Candidate | None = None
+    leading: Candidate | None = None  # the best whose trial is over; None before the first, and after the last
     done: int = 0
 
     def __init__(self, config: FOPGConfig, run: RunFolder) -> None:

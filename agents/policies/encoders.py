@@ -21,17 +21,11 @@ MOST_NUMBERS = 1_000_000  # of an observation
 
 
 class Encoder(ABC):
-    """Turns the observations of n arms into a network's inputs.
+    """Turns the observations of n arms into a network's inputs."""
 
-    Attributes:
-        ARRAYS: names of the arrays that it keeps in a policy's file, each an attribute.
-        knows: model data that it uses beside the observation, in the leaderboard's words.
-        size: length of an observation.
-    """
-
-    ARRAYS: ClassVar[tuple[str, ...]] = ()
-    knows: ClassVar[tuple[str, ...]] = ()
-    size: int
+    ARRAYS: ClassVar[tuple[str, ...]] = ()  # names of the arrays that it keeps in a policy's file, each an attribute
+    knows: ClassVar[tuple[str, ...]] = ()  # model data that it uses beside the observation, in the leaderboard's words
+    size: int  # length of an observation
 
     @property
     @abstractmethod

@@ -36,7 +36,7 @@ from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_agents.training.models import end_curriculum, new_model
 from flexarm_agents.training.reward import TrainingCallback
 from flexarm_agents.training.run_folder import RunFolder
-from tests.support.trainings import ID, TINIES, TINY, Interrupted
+from tests.support.trainings import ID, TINIES, TINY, Interrupted, same_network
 
 
 @pytest.mark.usefixtures("signals")
@@ -164,11 +164,6 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
 
 
 INITIAL = TINIES["initial"]
-
-
-def same_network(one: NetworkPolicy, other: NetworkPolicy) -> bool:
-    pairs = zip([*one.weights, *one.biases], [*other.weights, *other.biases], strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

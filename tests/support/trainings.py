@@ -119,10 +119,13 @@ def broken_off(config: RunConfig, folder: Path, number: int) -> None:
         train(config, folder)
 
 
+def same_network(one: NetworkPolicy, other: NetworkPolicy) -> bool:
+    """Return whether two policies have the same layers, to the last bit."""
+    pairs = zip([*one.weights, *one.biases], [*other.weights, *other.biases], strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
 def same_policy(one: Path, other: Path) -> bool:
     """Return whether two files have the networks of one policy, to the last bit."""
     first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
-    pairs = zip(
-        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
-    )
-    return all(np.array_equal(a, b) for a, b in pairs)
+    return same_network(first, second) and np.array_equal(first.log_std, second.log_std)
