@@ -33,6 +33,7 @@ NEEDED: dict[str, Any] = {
     "hold": 0.0,
     "dropout": 0.0,
     "encoder_noise": (0.0, 0.0),
+    "encoder_resolution": (0.0, 0.0),
     "actuation_delay": 0.0,
     **{f"{sensor.name}_link": None for sensor in FURTHER},
 }

@@ -12,11 +12,12 @@ import numpy as np
 
 from flexarm_env.actions import MODES
 from flexarm_env.envs.bounds import (
-    LARGEST_DEVIATE,
     Range,
     Workspace,
     even_range,
     joint_rate_bound,
+    measured_angle_bounds,
+    measured_rate_bound,
     modal_range,
     position_bounds,
 )
@@ -138,7 +139,7 @@ BLOCKS: dict[str, Block] = {
         "theta1, theta2 by the encoders",
         "rad",
         _rows("ENCODERS"),
-        lambda s, r: Range([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
+        lambda s, r: Range([np.pi] * 2, measured_angle_bounds(s)),
         ANGLE,
         reads=ENCODERS,
     ),
@@ -162,7 +163,7 @@ BLOCKS: dict[str, Block] = {
         "rates of theta1, theta2 by the encoders",
         "rad/s",
         _rows("ENCODERS", 2),
-        lambda s, r: even_range(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
+        lambda s, r: even_range(2, 3.0, measured_rate_bound(s)),
         ANGLE,
         reads=ENCODERS,
     ),

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_env.envs.choices import MOVE_RING
+from flexarm_env.envs.choices import MOVE_RING, REACH
 from flexarm_env.envs.own_paths import largest_speed
 from flexarm_env.envs.sensors import LINK_2, Sensor, mounting
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import SENSOR_MODELS
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.limits import RATE_LIMIT, state_limits
+from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
 
 LARGEST_DEVIATE = 8.6  # of `elementary.normal`
 
@@ -113,8 +113,8 @@ def even_range(count: int, scale: float, bound: float) -> Range:
 def modal_range(settings: Settings, rates: bool) -> Range:
     """Return scales and bounds of modal coordinates or rates.
 
-    The scale of a first mode corresponds to a tip deflection of 0.5 m or 2 m/s, that of a higher mode to a tenth of
-    the deflection and half of the rate.
+    The scale of a first mode corresponds to a tip deflection of 0.5 m or 2 m/s at `REACH`, that of a higher mode to a
+    tenth of the deflection and half of the rate.
     """
     arm = settings.flexible_arm
     tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])
@@ -122,12 +122,24 @@ def modal_range(settings: Settings, rates: bool) -> Range:
     scale = np.where(order == 0, 2.0, 1.0) if rates else np.where(order == 0, 0.5, 0.05)
     bound = state_limits(arm)
     part = bound[arm.size + 2 :] if rates else bound[2 : arm.size]
-    return Range((scale / tips).tolist(), part.tolist())
+    return Range((arm.parameters.reach / REACH * scale / tips).tolist(), part.tolist())
+
+
+def measured_angle_bounds(settings: Settings) -> list[float]:
+    """Return the largest angles of the joints that encoders read [rad]; a count rounds by half of it."""
+    noise, counts = settings.encoder_noise[0], settings.encoder_resolution
+    return [limit + LARGEST_DEVIATE * noise + 0.5 * count for limit, count in zip(ANGLE_LIMITS, counts, strict=True)]
+
+
+def measured_rate_bound(settings: Settings) -> float:
+    """Return the largest rate of a joint that an encoder reads [rad/s]; a count's rounding may add one count."""
+    counts = max(settings.encoder_resolution) / settings.control_period
+    return RATE_LIMIT + LARGEST_DEVIATE * settings.encoder_noise[1] + counts
 
 
 def joint_rate_bound(settings: Settings, reach: Workspace) -> float:
     """Return the largest difference of a joint's rate on the reference and its measured rate [rad/s]."""
-    return RATE_LIMIT + _reference_joint_rate(settings, reach) + LARGEST_DEVIATE * settings.encoder_noise[1]
+    return measured_rate_bound(settings) + _reference_joint_rate(settings, reach)
 
 
 def _reference_joint_rate(settings: Settings, reach: Workspace) -> float:

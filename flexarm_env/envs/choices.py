@@ -14,6 +14,8 @@ STARTS = {
     "moving": "anywhere, drawn to the control period, with the target's velocity and off it by up to `start_spread`",
     "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
 }
+# [m]; scales in m and m/s, and the spread of starts, are for an arm of this reach, and in proportion for others
+REACH = 9.0
 MOVE_POINTS = 800  # sides of the polyline that approximates a move there and back
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
 DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}

@@ -189,6 +189,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
         "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "IDLE_ACTION": [s.mode.idle],
+        "ENCODER_RESOLUTION": s.encoder_resolution,
         "MOTOR_LIMIT": s.motor_limit,
         "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
         "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],

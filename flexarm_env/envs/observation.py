@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.blocks import BLOCKS, ENCODERS, READINGS
 from flexarm_env.envs.bounds import reach_of
+from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.corners import worst
 from flexarm_env.envs.sensors import LINK_2
 from flexarm_env.envs.settings import Settings
@@ -116,7 +117,8 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         limits = block.limits(settings, reach)
         blocks[name] = slice(len(rows), len(rows) + count)
         rows += range(places[part][0] + first, places[part][0] + first + count)
-        scale += limits.scale if settings.scaled else [1.0] * count
+        share = settings.flexible_arm.parameters.reach / REACH if block.unit in ("m", "m/s") else 1.0
+        scale += [share * one for one in limits.scale] if settings.scaled else [1.0] * count
         bound += limits.bound
         mirror += np.resize(block.mirror or (settings.mode.mirror,), count).tolist()
     scales = np.array(scale)

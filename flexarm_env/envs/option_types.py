@@ -40,6 +40,7 @@ class EnvOptions(TypedDict, total=False):
     hold: float
     dropout: float
     encoder_noise: Sequence[float]
+    encoder_resolution: Sequence[float]
     second_sensor_link: int | None
     second_sensor_position: float | None
     second_sensor_delay: float

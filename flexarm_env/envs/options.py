@@ -168,6 +168,12 @@ class Options:
     encoder_noise: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the noise of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )
+    encoder_resolution: tuple[float, float] = _option(
+        (0.0, 0.0),
+        "angle of a count of the encoders of shoulder and elbow; rates are changes of the count over a control period "
+        "at the present rate; 0: any angle can be read",
+        Pair(0.0, np.pi, "rad"),
+    )
     second_sensor_link: int | None = _option(
         None,
         "link of a second sensor, which reads the true point; None: there is none",
@@ -246,10 +252,11 @@ class Options:
         OneOf((*get_args(ElbowBranch), EITHER)),
     )
     start: Start = _option("mix", "how an episode starts", OneOf(tuple(STARTS)))
-    start_spread: tuple[float, float] = _option(
-        (0.05, 0.05),
-        "largest deviations of a moving start: joint angles, tip deflections of the first modes",
-        Pair(0.0, 0.5, "rad, m"),
+    start_spread: tuple[float, float] = _option(  # `Settings` has the numbers in place of None
+        None,
+        "largest deviations of a moving start: joint angles, tip deflections of the first modes; None: 0.05 and 0.05 "
+        "for a reach of 9 m, the latter in proportion for others",
+        Optional(Pair(0.0, 0.5, "rad, m")),
     )
     randomisation: Mapping[str, tuple[Any, ...]] = _own(
         {},

@@ -65,8 +65,8 @@ def common_values(settings: Settings) -> dict[str, Any]:
     kept = (settings.motor_limit, settings.kept_actions) if settings.mode.accumulates else None
     observed = settings.scaled and "inner_gain" in settings.observation
     return {
+        **{name: getattr(arm, name) for name in SHARED_BY_ARMS},  # first: options may follow from the arm
         **{name: getattr(settings, name) for name in _SHARED_OPTIONS},
-        **{name: getattr(arm, name) for name in SHARED_BY_ARMS},
         "sensor": shared_model(settings.sensor),
         "gain_limit": settings.gain_limit if observed else None,
         "action_limit": settings.action_limit if settings.mode.limit != "gain_limit" else None,

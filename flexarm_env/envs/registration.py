@@ -5,6 +5,7 @@ The texts are documentation: the ids' pages are made from them.
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -14,8 +15,8 @@ from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
-# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz. A test checks them.
-_LAP, _PAPER_LAP = 1600, 16_000
+# Control periods of an episode: a lap of 16 s at 100 Hz, at the paper's 1 kHz, or at 500 Hz. A test checks them.
+_LAP, _PAPER_LAP, _LAB_LAP = 1600, 16_000, 8000
 
 
 class Id(NamedTuple):
@@ -84,6 +85,21 @@ UNKNOWN_PLANT: dict[str, Any] = {
     },
     "noise": 0.003,
     "encoder_noise": (1e-4, 1e-3),
+}
+
+# The laboratory arm (docs/how_to/published_arms.md): its name, and what its maker gives of it.
+LAB_ARM = "quanser"
+_LAB: dict[str, Any] = {
+    "arm": LAB_ARM,
+    "control_period": 0.002,
+    "torque_limit": (8.39, 0.818),  # a current of 0.94 A times 8.925 and 0.87 N m/A
+    "encoder_resolution": (2.0 * pi / 4096 / 100, 2.0 * pi / 4096 / 50),  # counts a turn, through the gears
+    "observation": tuple(name for name in DEFAULT_OBSERVATION if not name.startswith("sensor_error")),
+    "reference": "waypoints",
+    "waypoints": ((0.29, -0.045), (0.29, 0.045), (0.38, 0.045), (0.38, -0.045)),
+    "reward_weights": {"tracking_fine": 0.85, "action_change": 0.15},
+    "deflection_limit": 0.0176,  # 5 degrees of link 1: the maker's watchdog
+    "error_limit": 0.1,
 }
 
 IDS: dict[str, Id] = {
@@ -183,6 +199,14 @@ IDS: dict[str, Id] = {
         "Follow a circle, or a path of your own, with the motors' torques",
         "A path without corners: the circle inside the square. With `reference` the path can be a line, a figure "
         "eight or your own way-points; of several paths, each episode draws one.",
+    ),
+    "Lab-v0": Id(
+        _LAB_LAP,
+        _LAB,
+        "Follow a small square with a laboratory arm at 500 Hz",
+        "A laboratory arm of 0.4 m reach, with its maker's limits of current and bend, its encoders and strain gauges, "
+        "and no sensor of the tip. The square of 9 cm lies before the shoulder, so that both joints stay within a "
+        "quarter turn. The drives' friction takes most of the torque: the elbow turns at 0.55 rad/s at most.",
     ),
     "Paper-v0": Id(
         _PAPER_LAP,

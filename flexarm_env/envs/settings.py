@@ -12,6 +12,7 @@ import numpy as np
 from flexarm_env.actions import MODES, TORQUE_LIMIT, ActionMode, modes_reading
 from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
+from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
 from flexarm_env.envs.corners import ends, worst
 from flexarm_env.envs.distributions import ends_of
@@ -77,8 +78,11 @@ class Settings(Options):
         )
         if (lap := lap_of(self.waypoints)) is not None:
             object.__setattr__(self, "lap_time", allowed_of(type(self), "lap_time").check("waypoints[-1][0]", lap))
+        arm = arm_parameters(self.arm)
         if self.sensor_position is None:
-            object.__setattr__(self, "sensor_position", arm_parameters(self.arm).link_lengths[1])
+            object.__setattr__(self, "sensor_position", arm.link_lengths[1])
+        if self.start_spread is None:
+            object.__setattr__(self, "start_spread", (0.05, 0.05 * (arm.reach / REACH)))
         if self.reward is None and max(self.reward_weights.values()) <= 0.0:
             gymnasium.logger.warn(
                 f"reward_weights = {shown(self.reward_weights)}: no reward is above 0: ending an episode early pays"
@@ -212,9 +216,9 @@ class Settings(Options):
 
     @property
     def disturbed(self) -> bool:
-        """Whether noise, jitter, dropouts, a sensor with its own clock, or actuation delays can occur."""
+        """Whether noise, jitter, dropouts, counted angles, a sensor with its own clock or late torques can occur."""
         noise = (self.noise, *self.encoder_noise, *(x for one in self.further_sensors for x in one.noise + one.bias))
-        own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
+        own = any((*noise, *self.encoder_resolution, self.jitter, self.dropout, self.hold, self.actuation_delay))
         return (
             own
             or any(one.disturbed for one in ends(self))

@@ -92,6 +92,8 @@ def update_measurements(block: Block) -> None:
                 if deviation > 0.0:
                     noise = normal(keys[i], noise_place(block, i) + CHANNELS_OF_NOISE + 2 * r)
                     arena[row.ENCODERS + r, i] += deviation * noise
+    if variant.disturbed:
+        count_encoders(arena, settings)
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1])
     note_elbow(arena)
     aim_on_present_side(arena, settings)
@@ -104,6 +106,21 @@ def update_measurements(block: Block) -> None:
     if variant.own_paths:
         note_rest(block)
     termination_status(arena, settings)
+
+
+def count_encoders(arena: Arena, settings: Table) -> None:
+    """Round each lane's joint angles to the encoders' counts; a rate is what the count would change by in a period.
+
+    That is the count's change over a control period in which the joint turned at its present rate, per second.
+    """
+    period = settings[setting.PERIOD]
+    for r in range(2):
+        step = settings[setting.ENCODER_RESOLUTION + r]
+        for i in range(variant.lanes if step > 0.0 else 0):
+            angle, rate = arena[row.ENCODERS + r, i], arena[row.ENCODERS + 2 + r, i]
+            count = floor(angle / step + 0.5)
+            arena[row.ENCODERS + r, i] = step * count
+            arena[row.ENCODERS + 2 + r, i] = step * (count - floor((angle - period * rate) / step + 0.5)) / period
 
 
 def note_times(block: Block) -> None:

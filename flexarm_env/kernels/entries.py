@@ -106,6 +106,7 @@ class Setting(Names):
     ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2, _ENVIRONMENT)
     COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2, _ENVIRONMENT)
     IDLE_ACTION = Entry("the action that commands nothing", "1", 1, _ENVIRONMENT)
+    ENCODER_RESOLUTION = Entry("of the encoders of shoulder and elbow; 0: any angle", "rad", 2, _ENVIRONMENT)
     MOTOR_LIMIT = Entry("largest torques of shoulder and elbow", "N m", 2, _ENVIRONMENT)
     DEFLECTION_LIMIT = Entry("of a link's tip", "m", 1, _ENVIRONMENT)
     ERROR_LIMIT = Entry("of the tip's distance from the reference", "m", 1, _ENVIRONMENT)

@@ -87,6 +87,12 @@ PICTURES = {
         8,
     ),
     "Track-v0": moving("Half a lap under a stiff spring and damper in each joint.", 0.0, 900),
+    "Lab-v0": Picture(
+        "Around two corners under a soft spring in each joint; the drives' own friction damps.",
+        joint_law((40.0, 8.0), (0.0, 0.0)),
+        {"start": "corner", "elbow_branch": "negative"},
+        5000,
+    ),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
     ),

@@ -188,15 +188,20 @@ axis of it."""
 _PAPER = """\
 The leaderboard does not measure this set-up. What the paper's two controllers do here, and which of the paper's claims
 hold, is in [the paper, reproduced](../reproduction.md)."""
+_LAB = """\
+The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
+the controllers by name."""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
     "Reach-v0": "The shipped agents, trained on the square, lose most episodes; plans take the tip there exactly.",
+    "Lab-v0": "",
     "Paper-v0": "",
 }
 _OTHERS: Mapping[str, Callable[[], str]] = {
     "SquareResidual-v0": _trainings,
     "SquareDelayHard-v0": lambda: _NOT_YET,
     "Reach-v0": _moves,
+    "Lab-v0": lambda: _LAB,
     "Paper-v0": lambda: _PAPER,
 }

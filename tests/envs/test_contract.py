@@ -71,7 +71,17 @@ def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any], kernel
 
 def test_what_is_registered() -> None:
     delays = [f"SquareDelay{name}" for name in ("Easy", "Hard", "Medium")]
-    names = ["Paper", "Reach", "Square", *delays, "SquareEncoders", "SquareGain", "SquareResidual", "SquareUnknown"]
+    names = [
+        "Lab",
+        "Paper",
+        "Reach",
+        "Square",
+        *delays,
+        "SquareEncoders",
+        "SquareGain",
+        "SquareResidual",
+        "SquareUnknown",
+    ]
     assert [name[8:-3] for name in IDS] == [*names, "Track"]
 
 
@@ -87,7 +97,7 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
     """The registry holds a number; lap time and control period are options."""
     env = bare(env_id)
     assert gym.spec(env_id).max_episode_steps == env.settings.lap_time / env.control_period == env.lap_steps
-    assert env.control_period == (1e-3 if env_id == PAPER else 1e-2)
+    assert env.control_period == {PAPER: 1e-3, "FlexArm/Lab-v0": 2e-3}.get(env_id, 1e-2)
     assert bare(env_id, lap_time=4.0).lap_steps == round(4.0 / env.control_period)
 
 
@@ -129,7 +139,9 @@ def test_the_class_alone_is_the_square() -> None:
 @pytest.mark.parametrize("env_id", IDS)
 def test_keys_of_infos(env_id: str) -> None:
     """As declared, which the documentation is made from."""
-    env = make(env_id, error_limit=0.05, start="corner", reference="square", max_episode_steps=400)
+    path = {} if env_id == "FlexArm/Lab-v0" else {"reference": "square"}
+    free = {"error_limit": 0.05, "deflection_limit": None}
+    env = make(env_id, start="corner", max_episode_steps=400, **free, **path)
     begun = env.reset(seed=0)[1]
     assert tuple(begun) == info_keys(env.unwrapped.settings)
     for _ in range(400):

@@ -117,7 +117,12 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         *_SENSING,
         *_PATHS,
         {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
-        {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
+        {
+            "torque_limit": (100.0, 40.0),
+            "control_period": 0.02,
+            "physics_step": 5e-4,
+            "encoder_resolution": (1e-3, 2e-3),
+        },
         {
             "observation": [*DEFAULT_OBSERVATION, *OF_FURTHER_SENSORS],
             "second_sensor_link": 1,
@@ -158,7 +163,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
     ],
 }
 # Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
-_CHOICES = ("SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
+_CHOICES = ("Lab", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
 
