@@ -33,8 +33,7 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
         TypeError: for anything but a `NetworkPolicy`, or one behind a Kalman filter, which is no graph.
         ModuleNotFoundError: without the package onnx, naming the extra.
     """
-    kinds: dict[type, Any] = {type(None): _nothing, PastReadings: _history, Lstm: _lstm}
-    if not isinstance(policy, NetworkPolicy) or type(policy.encoder) not in kinds:
+    if not isinstance(policy, NetworkPolicy) or not isinstance(policy.encoder, PastReadings | Lstm | None):
         raise TypeError(f"policy = {shown(policy)}: must be a NetworkPolicy with no encoder, a history or an LSTM")
     with needs_extra("export_onnx", "export"):
         import onnx
@@ -51,7 +50,10 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
         nodes.append(onnx.helper.make_node(operator, names, [to or f"x{len(nodes)}"], **attributes))
         return str(nodes[-1].output[0])
 
-    x, memory = kinds[type(policy.encoder)](put, policy.encoder)
+    x, memory = "observation", list[tuple[int, ...]]()
+    if policy.encoder is not None:
+        encode: Any = _lstm if isinstance(policy.encoder, Lstm) else _history
+        x, memory = encode(put, policy.encoder)
     for weight, bias in zip(policy.weights[:-1], policy.biases[:-1], strict=True):
         x = put(ACTIVATIONS[policy.activation], put("Gemm", x, weight, bias, transB=1))
     x = put("Gemm", x, policy.weights[-1], policy.biases[-1], transB=1)
@@ -68,10 +70,6 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
     model = onnx.helper.make_model(whole, opset_imports=[onnx.helper.make_opsetid("", OPSET)], ir_version=IR)
     onnx.checker.check_model(model, full_check=True)
     onnx.save(model, path)
-
-
-def _nothing(put: Put, encoder: None) -> tuple[str, list[tuple[int, ...]]]:
-    return "observation", []
 
 
 def _history(put: Put, encoder: PastReadings) -> tuple[str, list[tuple[int, ...]]]:

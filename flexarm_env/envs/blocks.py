@@ -42,14 +42,7 @@ READINGS = {
 }
 MOST_SECONDS = 1e9  # of an episode
 PRIVILEGED = (TRUE_STATE, EPISODE)  # readings of which no real arm has a sensor
-PARAMETER_SCALES = {  # of usual draws; those of a batch are the same for all its environments
-    "delay": 0.05,
-    "payload_mass": 1.0,
-    "stiffness": 1.0,
-    "damping": 0.02,
-    "noise": 0.02,
-    "actuation_delay": 0.02,
-}
+PARAMETER_SCALES = [0.05, 1.0, 1.0, 0.02, 0.02, 0.02]  # as of `DRAWN`, for usual draws; the same in a whole batch
 
 
 @dataclass(frozen=True)
@@ -319,7 +312,7 @@ BLOCKS: dict[str, Block] = {
         "quantities of the episode, drawn or not: " + ", ".join(DRAWN) + "; privileged",
         "s, kg, 1, 1, m, s",
         _rows("EPISODE", 0, len(DRAWN)),
-        lambda s, r: Range([PARAMETER_SCALES[name] for name in DRAWN], [orderable(s, name)[1] for name in DRAWN]),
+        lambda s, r: Range(PARAMETER_SCALES, [orderable(s, name)[1] for name in DRAWN]),
         SCALAR,
         reads=EPISODE,
         count=str(len(DRAWN)),
