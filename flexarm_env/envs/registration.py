@@ -5,7 +5,6 @@ The texts are documentation: the ids' pages are made from them.
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -93,7 +92,7 @@ _LAB: dict[str, Any] = {
     "arm": LAB_ARM,
     "control_period": 0.002,
     "torque_limit": (8.39, 0.818),  # a current of 0.94 A times 8.925 and 0.87 N m/A
-    "encoder_resolution": (2.0 * pi / 4096 / 100, 2.0 * pi / 4096 / 50),  # counts a turn, through the gears
+    "encoder_resolution": (1.534e-5, 3.068e-5),  # of 4096 counts a turn of the motor, through 100:1 and 50:1
     "observation": tuple(name for name in DEFAULT_OBSERVATION if not name.startswith("sensor_error")),
     "reference": "waypoints",
     "waypoints": ((0.29, -0.045), (0.29, 0.045), (0.38, 0.045), (0.38, -0.045)),
