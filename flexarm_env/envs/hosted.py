@@ -192,7 +192,8 @@ class HostedSimulator(BatchSimulator):
         settings = self.settings
         if settings.mode.accumulates:
             return commands
-        return physical_from_action(settings.action_mode, np.clip(commands, -1.0, 1.0), settings.action_limit)
+        limit = tuple(self._part("ACTION_SCALE")[: len(settings.action_limit)].tolist())
+        return physical_from_action(settings.action_mode, np.clip(commands, -1.0, 1.0), limit)
 
     def _enter_truth(self) -> None:
         for name, values in self.plant.truth()._asdict().items():

@@ -186,11 +186,8 @@ def _numbers(settings: Settings, program: Program) -> Array:
     values: dict[str, Any] = {
         "STEP": [s.control_period / s.substeps],
         "PERIOD": [s.control_period],
-        "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
-        "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "IDLE_ACTION": [s.mode.idle],
         "ENCODER_RESOLUTION": s.encoder_resolution,
-        "MOTOR_LIMIT": s.motor_limit,
         "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
         "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
         "LENGTHS": p.link_lengths,
@@ -268,6 +265,8 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     law_point = s.sensor_position if s.law_sensor == "sensor" else length
     return {
         **_further_rows(s),
+        "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
+        "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
         **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),

@@ -84,9 +84,12 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
         return float(observation_layout(settings, program).bound.sum())
 
     corners = [worst(settings, widest) for settings in kinds]
-    layouts = [observation_layout(settings, program) for settings in (*kinds, *corners)]
+    layouts = [observation_layout(settings, program) for settings in kinds]
     assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
-    return layouts[0]._replace(bound=np.maximum.reduce([one.bound for one in layouts]))
+    first, wider = layouts[0], [observation_layout(settings, program) for settings in corners]
+    # what is drawn may change a scale; observations keep that of the settings
+    bounds = [one.scale / first.scale * one.bound for one in wider]
+    return first._replace(bound=np.maximum.reduce([*(one.bound for one in layouts), *bounds]).astype(np.float32))
 
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:

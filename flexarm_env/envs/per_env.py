@@ -19,6 +19,7 @@ from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
 
 OPTIONS = tuple(one.name for one in fields(Settings) if one.metadata["own"])
+_SCALES = ("gain_limit", "action_limit", "kept")  # of actions and observations: an episode's are its environment's own
 _SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in OPTIONS)
 
 
@@ -83,11 +84,11 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
         ValueError: naming the option, the environment, its value and that of environment 0.
     """
     for settings in {id(one): one for one in each}.values():
-        _refuse_unlike((settings, *ends(settings)), "randomisation")
+        _refuse_unlike((settings, *ends(settings)), "randomisation", _SCALES)
     _refuse_unlike(each, "per_env, environment {}")
 
 
-def _refuse_unlike(each: Sequence[Settings], label: str) -> None:
+def _refuse_unlike(each: Sequence[Settings], label: str, free: Sequence[str] = ()) -> None:
     first = each[0]
     common = common_values(first)
     equal = {id(first)}
@@ -96,7 +97,7 @@ def _refuse_unlike(each: Sequence[Settings], label: str) -> None:
             continue
         equal.add(id(one))
         for name, value in common_values(one).items():
-            if value != common[name]:
+            if value != common[name] and name not in free:
                 raise ValueError(f"{label.format(i)}: {_unlike(name, one, first)}")
 
 

@@ -110,14 +110,14 @@ def write_commands(block: Block, step: int, held: bool) -> None:
     begin = step * settings[setting.STEP]
     newest = row.TAIL + header[word.COMMANDS]
     for r in range(2):
-        scale = settings[setting.COMMAND_SCALE + r]
+        scale: LaneRow = arena[row.COMMAND_SCALE + r]
         torques: LaneRow = arena[row.TAU + r]
         commands: LaneRow = arena[newest + r]
         for i in range(variant.lanes if held else 0):
-            torques[i] = scale * commands[i]
+            torques[i] = scale[i] * commands[i]
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
-                torques[i] = scale * command(block, i, r, begin)
+                torques[i] = scale[i] * command(block, i, r, begin)
 
 
 def keep_reading(block: Block, done: int) -> None:
@@ -149,8 +149,8 @@ def add_up_torques(block: Block) -> None:
     actions, torques = row.TAIL + 2 * header[word.PREVIEWS], row.TAIL + header[word.COMMANDS]
     make_room(arena, header, torques)
     for r in range(2):
-        change, limit = settings[setting.ACTION_SCALE + r] * settings[setting.PERIOD], settings[setting.MOTOR_LIMIT + r]
         for i in range(variant.lanes):
+            change, limit = arena[row.ACTION_SCALE + r, i] * settings[setting.PERIOD], arena[row.TORQUE_LIMIT + r, i]
             arena[torques + r, i] = clip(arena[torques + r, i] + change * arena[actions + r, i], -limit, limit)
 
 
@@ -200,7 +200,7 @@ def plan_joint_spline(block: Block) -> None:
         for r in range(2):
             for i in range(variant.lanes):
                 before = arena[row.SHIFT + r, i]
-                shift = settings[setting.COMMAND_SCALE + r] * command(block, i, r, period - h)
+                shift = arena[row.COMMAND_SCALE + r, i] * command(block, i, r, period - h)
                 rate = (shift - before) / period
                 arena[row.INNER_FROM + r, i] += before
                 arena[row.INNER_TO + r, i] += shift

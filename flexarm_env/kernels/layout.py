@@ -97,7 +97,7 @@ class Row(Names):
     GAIN_LIMIT = Entry("gain of the action 1", "1", 1, _LAW)
     PROPORTIONAL_GAIN = Entry("Kp", "N/m", _law("proportional_gain"), _LAW)
     DERIVATIVE_GAIN = Entry("Kd", "N s/m", _law("derivative_gain"), _LAW)
-    TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "tracking"))
+    TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "environment"))
     SENSOR_DISTANCE = Entry("of the point that the law acts on from the elbow", "m", 1, _LAW)
     SENSOR_VALUES = Entry("link 2's mode shapes there", "1", _law("sensor_values"), _LAW)
     SENSOR_FORESHORTENING = Entry("foreshortening there", "1/m", _law("sensor_foreshortening"), _LAW)
@@ -158,6 +158,8 @@ class Row(Names):
     SHIFT = Entry("commanded shift of the aim", "rad", 2, _TRACKING)
     STAGE_TORQUE = Entry("torque of the step's first stage", "N m", 2, _TRACKING)
 
+    ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2, _ENVIRONMENT)
+    COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2, _ENVIRONMENT)
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
     TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
