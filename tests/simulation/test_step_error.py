@@ -89,7 +89,7 @@ def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
 
 def test_every_preset_has_a_default_step() -> None:
     for name in PRESETS:
-        how = Settings.of({"arm": name}).integration
+        how = Settings.of({"arm": name, "side": ArmParameters.named(name).reach}).integration
         assert how.order == 4
         assert how.expected_error is not None
         assert how.expected_error <= TOLERANCE
