@@ -83,13 +83,14 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
     def widest(settings: Settings) -> float:
         return float(observation_layout(settings, program).bound.sum())
 
-    corners = [worst(settings, widest) for settings in kinds]
     layouts = [observation_layout(settings, program) for settings in kinds]
-    assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
-    first, wider = layouts[0], [observation_layout(settings, program) for settings in corners]
+    first = layouts[0]
+    assert all(np.array_equal(one.scale, first.scale) for one in layouts)
+    corners = [corner for one in kinds if (corner := worst(one, widest)) is not one]
     # what is drawn may change a scale; observations keep that of the settings
-    bounds = [one.scale / first.scale * one.bound for one in wider]
-    return first._replace(bound=np.maximum.reduce([*(one.bound for one in layouts), *bounds]).astype(np.float32))
+    layouts += [observation_layout(corner, program) for corner in corners]
+    bounds = [one.scale / first.scale * one.bound for one in layouts]
+    return first._replace(bound=np.maximum.reduce(bounds).astype(np.float32))
 
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:

@@ -187,7 +187,7 @@ class States:
                 raise ValueError(
                     f"state[{n}]: is of an environment with other options; those that decide what is simulated, "
                     "observed and kept (arm's shapes, action_mode, sensors, observation, reference, control_period, "
-                    "delays, physics_step) must be the same"
+                    "delays, physics_step, names in randomisation) must be the same"
                 )
             if state[_CHECK] != _sum(state):
                 raise ValueError(f"state[{n}]: its check sum is wrong; must be as get_state() has returned it")
