@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, of_verb
-from flexarm_agents.viewer.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
+from flexarm_agents.viewer.live import ARMS, LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
 from flexarm_agents.viewer.window import Viewer
 from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
-from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import number
 
 DESCRIPTION = """\
@@ -22,7 +21,7 @@ def parser() -> Reader:
     """Return the parser of the arguments."""
     reader = of_verb("play", DESCRIPTION)
     start = Knobs()
-    reader.add_argument("--arm", choices=tuple(PRESETS), default="paper", help="arm; paper")
+    reader.add_argument("--arm", choices=ARMS, default="paper", help="arm; paper")
     delay = f"delay of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
     reader.add_argument("--delay", type=float, default=1e3 * start.delay, metavar="MS", help=delay)
     place = f"distance of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"

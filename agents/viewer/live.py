@@ -12,9 +12,11 @@ from flexarm_env.actions import action_from_gain
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.parameters import PRESETS, arm_parameters
+from flexarm_env.published_arms import PUBLISHED
 from flexarm_env.validation import choice, number
 
 MOST_DELAY, MOST_GAIN = 0.2, 2.0  # [s], [1]
+ARMS = tuple(name for name in PRESETS if name not in PUBLISHED)  # which reach the paper's square
 LEAST_PLACE = 0.5  # of the sensor from the elbow [m]
 MEMORY = 8.0  # [s] of errors that are kept
 OPTIONS: dict[str, Any] = {
@@ -51,7 +53,7 @@ class LiveArm:
     """
 
     def __init__(self, arm: str = "paper", knobs: Knobs | None = None) -> None:
-        self._arm = choice("arm", arm, tuple(PRESETS))
+        self._arm = choice("arm", arm, ARMS)
         self.knobs = self._checked(knobs or Knobs())
         self.ended: str | None = None
         self._env = self._make()
