@@ -34,6 +34,11 @@ class PlanController(TorqueController, ABC):
             ValueError: if there is no plan, or one does not fit the task.
         """
         super().__init__(task)
+        if task.motors:
+            raise ValueError(
+                f"env: {' and '.join(task.motors)}: {type(self).__name__} plans for ideal motors; to see what they "
+                "cost it, give it dataclasses.replace(Task.of(env), motors=())"
+            )
         reference = task.reference
         if plans is None:
             plans = [plan for _, plan in plans_for(task.arm, reference, task.period, task.torque_limit)]

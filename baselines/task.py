@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.policy import env_attribute
+from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.parameters import DIRECTIONS, ArmParameters
 from flexarm_env.physics.paths import ReferencePath
 
@@ -28,6 +29,7 @@ class Task:
         sensor_position: distance of the late sensor from the elbow [m].
         delay: delay of the late sensor [s].
         actuation_delay: from an action to its effect [s].
+        motors: options by which the motors are not ideal.
         blocks: where each block of an observation lies.
         scale: what each number of an observation was divided by. Shape (k,).
     """
@@ -39,6 +41,7 @@ class Task:
     sensor_position: float = 4.5
     delay: float = 0.0
     actuation_delay: float = 0.0
+    motors: tuple[str, ...] = ()
     blocks: dict[str, slice] = field(default_factory=dict, repr=False)
     scale: Floats = field(default_factory=lambda: np.ones(0), repr=False)
 
@@ -86,6 +89,7 @@ class Task:
             sensor_position=settings.sensor_position,
             delay=max(settings.sensor_delays),
             actuation_delay=settings.actuation_delay,
+            motors=tuple(name for name, value in IDEAL_MOTORS.items() if getattr(settings, name) != value),
             blocks=env_attribute(env, "observation_blocks"),
             scale=env_attribute(env, "observation_scale"),
         )

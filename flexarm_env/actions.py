@@ -18,6 +18,8 @@ from flexarm_env.validation import choice
 
 TORQUE_LIMIT = (150.0, 50.0)  # [N m], of shoulder and elbow
 JOINTS = ("shoulder", "elbow")
+# Options that make motors not ideal, with the values at which they are.
+IDEAL_MOTORS = {"motor_time_constant": (0.0, 0.0), "torque_speed_limit": None, "torque_resolution": (0.0, 0.0)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +76,7 @@ MODES: dict[str, ActionMode] = {
         inverse="torque / torque_limit",
         limit="torque_limit",
         program="torque",
+        options=tuple(IDEAL_MOTORS),
     ),
     "torque_rate": ActionMode(
         text="change of the motors' torque per second: at the start of a control period the torque becomes "
@@ -86,7 +89,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_rate_limit",
         program="torque_rate",
         accumulates=True,
-        options=("torque_rate_limit",),
+        options=("torque_rate_limit", *IDEAL_MOTORS),
     ),
     "residual": ActionMode(
         text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "

@@ -20,12 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from flexarm_env.allowed import Custom, Integer, Number, OneOf, Optional, Pair, check_fields, declared
-from flexarm_env.published_arms import PUBLISHED
+from flexarm_env.published_arms import PUBLISHED, Preset
 from flexarm_env.sensor_models import SENSOR_MODELS as SENSOR_MODELS
 from flexarm_env.sensor_models import SensorModel as SensorModel
 from flexarm_env.sensor_models import SensorTraits as SensorTraits
@@ -74,6 +74,10 @@ class ArmParameters:
             "material" (Kelvin-Voigt), a damping matrix in proportion to the stiffness, so that the ratio grows with the
             frequency. Only with the latter do scores under feedback converge with the number of modes (docs/plant.md).
         joint_friction: viscous friction of shoulder and elbow [N m s/rad].
+        coulomb_friction: dry friction of shoulder and elbow [N m].
+        breakaway_excess: what breakaway takes beyond it [N m].
+        stribeck_velocity: rate at which half of that is left [rad/s].
+        friction_smoothing: rate below which dry friction is viscous: a joint creeps where it would stick [rad/s].
         velocity_forces: "complete", or "rigid": the paper's C_r (7), the rigid arm's Coriolis and centrifugal
             forces in the joint rows only, while the mass matrix still depends on the deflections.
         mode_scale: A, the arbitrary constant of the shapes (4). It scales the modal coordinates only.
@@ -100,6 +104,10 @@ class ArmParameters:
     damping_ratio: float = declared(0.01, Number(0.0, 1.0))
     damping_model: DampingModel = declared("material", OneOf(get_args(DampingModel)))
     joint_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m s/rad"))
+    coulomb_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m"))
+    breakaway_excess: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m"))
+    stribeck_velocity: float = declared(0.5, Number(1e-6, 1e3, "rad/s"))
+    friction_smoothing: float = declared(0.1, Number(1e-6, 1e3, "rad/s"))
     velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
     mode_scale: float = declared(0.1, Number(1e-3, 1e3))
     kinematics: Kinematics = declared("foreshortened", OneOf(get_args(Kinematics)))
@@ -149,21 +157,20 @@ class ArmParameters:
         return cls.named("paper", **changes)
 
     @property
+    def breakaway(self) -> tuple[float, float]:
+        """Dry friction of shoulder and elbow near rest [N m]."""
+        shoulder, elbow = self.breakaway_excess
+        return self.coulomb_friction[0] + shoulder, self.coulomb_friction[1] + elbow
+
+    @property
+    def steepest_friction(self) -> float:
+        """Slope of dry friction at rest, the larger one of shoulder and elbow [N m s/rad]."""
+        return max(self.breakaway) / self.friction_smoothing
+
+    @property
     def reach(self) -> float:
         """Distance from the shoulder to the tip of the straight arm [m]."""
         return self.link_lengths[0] + self.link_lengths[1]
-
-
-class Preset(NamedTuple):
-    """An arm by its name.
-
-    Attributes:
-        text: description.
-        fields: fields of `ArmParameters` that differ from their defaults.
-    """
-
-    text: str
-    fields: Mapping[str, object]
 
 
 PRESETS: dict[str, Preset] = {
@@ -191,7 +198,7 @@ PRESETS: dict[str, Preset] = {
             "damping_model": "modal",
         },
     ),
-    **{name: Preset(*arm) for name, arm in PUBLISHED.items()},
+    **PUBLISHED,
 }
 
 

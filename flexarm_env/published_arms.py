@@ -6,9 +6,23 @@ docs/how_to/published_arms.md has the source of each number, and what is derived
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
-PUBLISHED: Mapping[str, tuple[str, Mapping[str, object]]] = {
-    "quanser": (
+
+class Preset(NamedTuple):
+    """An arm by its name.
+
+    Attributes:
+        text: description.
+        fields: fields of `ArmParameters` that differ from their defaults.
+    """
+
+    text: str
+    fields: Mapping[str, object]
+
+
+PUBLISHED: Mapping[str, Preset] = {
+    "quanser": Preset(
         "Quanser 2-DOF serial flexible link, by the maker's data: two polynomials a link",
         {
             "link_lengths": (0.202, 0.202),
@@ -25,7 +39,7 @@ PUBLISHED: Mapping[str, tuple[str, Mapping[str, object]]] = {
             "mode_scale": 0.01,
         },
     ),
-    "de_luca_siciliano": (
+    "de_luca_siciliano": Preset(
         "De Luca & Siciliano 1991: light links with a heavy elbow, no damping",
         {
             "link_lengths": (0.5, 0.5),
@@ -40,7 +54,7 @@ PUBLISHED: Mapping[str, tuple[str, Mapping[str, object]]] = {
             "mode_scale": 0.01,
         },
     ),
-    "flexible_forearm": (
+    "flexible_forearm": Preset(
         "De Luca et al. 1990: the laboratory arm of Rome, a rigid link with a flexible forearm of 0.7 m",
         {
             "link_lengths": (0.3, 0.7),

@@ -8,11 +8,11 @@ import torch
 
 from flexarm_env import FlexibleArm, formulas
 from tests.support.complex_steps import stepped
-from tests.support.lagrange import loaded_arm, random_state
+from tests.support.lagrange import DRY, loaded_arm, random_state
 
 VARIANTS: list[tuple[int, dict[str, Any]]] = [
     (2, {}),
-    (3, {"kinematics": "foreshortened", "mode_shapes": "polynomial"}),
+    (3, {"kinematics": "foreshortened", "mode_shapes": "polynomial", **DRY}),
     (1, {"velocity_forces": "rigid"}),
 ]
 TORQUE = np.array([12.0, -5.0])

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.codegen.tangents import jacobian
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.sensors import FURTHER
@@ -35,6 +36,7 @@ NEEDED: dict[str, Any] = {
     "encoder_noise": (0.0, 0.0),
     "encoder_resolution": (0.0, 0.0),
     "actuation_delay": 0.0,
+    **IDEAL_MOTORS,
     **{f"{sensor.name}_link": None for sensor in FURTHER},
 }
 NUMBERS = 8  # on which features depend: two joint angles, two rates, the reading, the reading before

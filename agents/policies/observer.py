@@ -14,6 +14,7 @@ from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_agents.policies.encoders import Array, Encoder, Memory
 from flexarm_baselines.lqg import adaptive, controller
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
+from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.envs.bounds import modal_range
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
@@ -30,6 +31,8 @@ def check_observed(settings: Settings) -> None:
     """Check that an observer can work in an environment."""
     if settings.action_mode != "torque":
         raise ValueError(f"action_mode = {settings.action_mode!r}: must be 'torque' with an observer")
+    if settings.real_motors:
+        raise ValueError(f"{' or '.join(IDEAL_MOTORS)}: motors must be ideal with an observer, which knows no others")
     missing = [name for name in NEEDED if name not in settings.observation]
     if missing:
         raise ValueError(f"observation: must have {', '.join(map(repr, missing))} with an observer")

@@ -26,6 +26,7 @@ from flexarm_baselines.optimal import (
     load_plan,
     optimise,
 )
+from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import ArmParameters
@@ -37,7 +38,8 @@ Indices = NDArray[np.int64]
 WEIGHTS = RegulatorWeights(tip=0.03)  # softer than `GOOD`: a student imitates small gains better than large ones
 OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's plan; a hundredth of a millimetre is left
 TURN = 2.0 * np.pi
-NEEDED = {"action_mode": "torque", "reference": ("square",), "direction": "clockwise", "control_period": 0.01}
+NEEDED: dict[str, Any] = {"action_mode": "torque", "reference": ("square",), "direction": "clockwise"}
+NEEDED |= {"control_period": 0.01, **IDEAL_MOTORS}
 
 
 class Pupils(NamedTuple):

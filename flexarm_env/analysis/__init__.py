@@ -23,6 +23,7 @@ from flexarm_env.analysis.margins import (
     is_stable,
     stable_gains,
 )
+from flexarm_env.analysis.motors import behind_motors
 from flexarm_env.analysis.natural import NaturalModes, natural_modes
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.passivity import Passivity, force_to_rate, passivity
@@ -51,6 +52,7 @@ __all__ = [
     "ZeroDirections",
     "ZeroLimit",
     "Zeros",
+    "behind_motors",
     "bode",
     "crossing_delays",
     "crossing_gains",

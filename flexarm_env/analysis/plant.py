@@ -35,7 +35,7 @@ class Plant:
     """``x' = A x + B tau, y(t) = C x(t - delay)``: deviations from an operating point.
 
     Attributes:
-        A: by the state variables of `states`. Shape (n, n); n = 4 + 4 m, and more with a Pade model of a delay.
+        A: by the state variables of `states`. Shape (n, n); n = 4 + 4 m, and more with motors or a Pade model.
         B: Shape (n, inputs).
         C: Shape (outputs, n).
         D: Shape (outputs, inputs); not zero for Pade models only.
@@ -45,6 +45,7 @@ class Plant:
         units: units of the outputs.
         sensors: sensors of the outputs, one for each.
         point: where the arm was linearised.
+        motors: inputs whose motors lag.
     """
 
     A: Array
@@ -57,17 +58,18 @@ class Plant:
     units: tuple[str, ...]
     sensors: tuple[Sensor, ...]
     point: OperatingPoint
+    motors: tuple[str, ...] = ()
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the state variables, in their order.
 
         theta1, theta2 [rad]; the modal coordinates q1_1 ... q1_m of link 1, q2_1 ... q2_m of link 2 [1]; the rates
-        of all of these [rad/s, 1/s], theta1_rate ...; then those of a Pade model, pade_1 ...
+        of all of these [rad/s, 1/s], theta1_rate ...; then torques of lagging motors; those of a Pade model, pade_1 ...
         """
         modes = self.point.arm.parameters.modes_per_link
         coordinates = ["theta1", "theta2", *(f"q{link}_{i}" for link in (1, 2) for i in range(1, modes + 1))]
-        own = [*coordinates, *(f"{name}_rate" for name in coordinates)]
+        own = [*coordinates, *(f"{name}_rate" for name in coordinates), *(f"{name}_acting" for name in self.motors)]
         return (*own, *(f"pade_{i}" for i in range(1, len(self.A) - len(own) + 1)))
 
     @property
@@ -77,7 +79,7 @@ class Plant:
 
     @property
     def is_mechanical(self) -> bool:
-        """The state is the arm's own, coordinates and rates, without a Pade model's."""
+        """The state is the arm's own, coordinates and rates, without motors' or a Pade model's."""
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:

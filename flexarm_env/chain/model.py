@@ -66,6 +66,8 @@ def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float 
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
     arm = arm or ArmParameters()
+    if any(arm.breakaway):
+        raise ValueError(f"coulomb_friction = {arm.coulomb_friction} N m: the chain has no dry friction; must be 0")
     first, mount = _link(arm, 0, segments, 0.0)
     second, tip = _link(arm, 1, segments, mount)
     modal = arm.damping_model == "modal"

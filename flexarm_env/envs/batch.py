@@ -26,7 +26,7 @@ from flexarm_env.envs.kernel_inputs import (
     tail_rows,
     usual_requests,
 )
-from flexarm_env.envs.observation import common_layout, sensors_of
+from flexarm_env.envs.observation import common_layout, shape_of
 from flexarm_env.envs.own_paths import first_rows, moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
@@ -310,19 +310,15 @@ class BatchSimulator(LaneBatch):
 
 def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
     """Return the variant of the kernels that these settings need."""
-    arm = settings.flexible_arm
     return Variant(
-        program,
-        arm.parameters.modes_per_link,
-        arm.parameters.velocity_forces == "complete",
-        lanes,
+        **shape_of(settings, program)._asdict(),
+        complete=settings.flexible_arm.parameters.velocity_forces == "complete",
+        lanes=lanes,
         sensor=shared_model(settings.sensor),
         rate_jacobian=settings.rate_jacobian,
         law_on_sensor=settings.law_sensor == "sensor",
         own_paths=settings.reference == ("moves",),
-        foreshortened=arm.constants.foreshortened,
         disturbed=disturbed,
-        sensors=sensors_of(settings),
     )
 
 

@@ -95,6 +95,11 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
 
 
 def _refuse_contradictions(settings: Any) -> None:
+    if any(unit > most for unit, most in zip(settings.torque_resolution, settings.motor_limit, strict=True)):
+        raise ValueError(
+            f"torque_resolution = {settings.torque_resolution} N m: must be at most torque_limit = "
+            f"{settings.motor_limit} N m"
+        )
     if settings.law_sensor == "sensor":
         for name in ("jitter", "hold", "dropout"):
             if getattr(settings, name) != 0.0:

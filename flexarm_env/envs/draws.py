@@ -72,8 +72,10 @@ class Draws:
         for name, each in {name: each for one in kinds for name, each in further_draws(one).items()}.items():
             self.further[name] = slice(self.columns, self.columns + len(each))
             self.columns += len(each)
-        pairs = [tuple(map(fixed_rows, ends(one))) for one in kinds if ends(one)]
-        self.rows = {name for low, high in pairs for name in low if not np.array_equal(low[name], high[name])}
+        corners = [tuple(map(fixed_rows, (one, *ends(one)))) for one in kinds]
+        self.rows = {
+            name for own, *two in corners for name in own for x in two if not np.array_equal(own[name], x[name])
+        }
         self._set([one.randomisation for one in kinds])
 
     @property

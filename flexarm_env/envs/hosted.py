@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.actions import physical_from_action
+from flexarm_env.actions import IDEAL_MOTORS, physical_from_action
 from flexarm_env.codegen.arrays import Four
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.batch import BatchSimulator
@@ -96,8 +96,11 @@ class HostedSimulator(BatchSimulator):
             plant: the arm, made for these settings.
 
         Raises:
-            ValueError: for an action mode whose law acts within the compiled arm.
+            ValueError: for an action mode whose law acts within the compiled arm, or motors that are not ideal.
         """
+        if settings.real_motors:
+            given = " or ".join(IDEAL_MOTORS)
+            raise ValueError(f"{given}: act within the compiled arm; on another engine's arm motors must be ideal")
         self.plant = plant
         super().__init__(settings, 1)
 

@@ -47,7 +47,11 @@ class Key(NamedTuple):
 TERM = "reward_"  # prefix of the key of a term of the reward
 KEYS = {
     "torque": Key(
-        "of shoulder and elbow at the start of the period that ended; 0 after a reset; shape (2,)", "N m", "TORQUE", 2
+        "of shoulder and elbow at the start of the period that ended, its mean where motors are not ideal; 0 after a "
+        "reset; shape (2,)",
+        "N m",
+        "TORQUE",
+        2,
     ),
     "true_tip": Key("position of the tip, with deflection; shape (2,)", "m", "TRUE_TIP", 2),
     "rigid_tip": Key(

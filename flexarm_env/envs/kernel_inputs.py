@@ -20,6 +20,7 @@ from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, column, in_
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.constants import ConstantChanges
+from flexarm_env.physics.motors import response
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.lanes import ALL_READINGS
 from flexarm_env.simulation.limits import state_limits
@@ -210,16 +211,17 @@ def lane_numbers(settings: Settings, program: Program, changes: ConstantChanges 
         changes: constants of the arm of the present episode; None: the settings' arm.
     """
     s, changes = settings, changes or settings.flexible_arm.changes
+    shape = shape_of(s, program)
+    parts = {"ARM": changes.base, "PER_PAYLOAD": changes.payload_mass, "PER_DAMPING": changes.damping}
     values: dict[str, Any] = {
         "BRANCH": [BRANCH_CODES[s.elbow_branch]],
         "DIRECTION": [DIRECTION_CODES[s.direction]],
         "SENSOR_DELAYS": s.sensor_delays,
         "BASE": _base(s),
-        "ARM": changes.base,
-        "PER_PAYLOAD": changes.payload_mass,
-        "PER_DAMPING": changes.damping,
+        # those of dry friction come last: 0 where only other episodes have some
+        **{name: np.pad(part, (0, shape.constants - len(part))) for name, part in parts.items()},
     }
-    return in_order(LaneSetting.layout(shape_of(s, program)), values)
+    return in_order(LaneSetting.layout(shape), values)
 
 
 def _base(settings: Settings) -> list[float]:
@@ -257,6 +259,23 @@ def _further_rows(settings: Settings) -> dict[str, Any]:
     }
 
 
+def _motor_rows(settings: Settings) -> dict[str, Any]:
+    """Return the rows of motors that are not ideal."""
+    s = settings
+    step, units, limited = s.control_period / s.substeps, s.torque_resolution, s.torque_speed_limit is not None
+    responses = [response(step / time if time else np.inf) for time in s.motor_time_constant]
+    scale = (1.0, 1.0) if s.mode.accumulates else s.motor_limit
+    return {
+        "MOTOR_RESPONSE": np.transpose(responses).ravel(),
+        "STALL_TORQUE": s.motor_limit if limited else (np.inf, np.inf),
+        "PER_SPEED": [1.0 / speed for speed in s.torque_speed_limit or (np.inf, np.inf)],
+        "TORQUE_UNIT": [unit / one for unit, one in zip(units, scale, strict=True)],
+        "TORQUE_LEVELS": [
+            np.floor(limit / unit + 1e-9) if unit else 0.0 for unit, limit in zip(units, s.motor_limit, strict=True)
+        ],
+    }
+
+
 def fixed_rows(settings: Settings) -> dict[str, Any]:
     """Return the values of the rows that no episode changes, by name (`layout`)."""
     s = settings
@@ -265,6 +284,7 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     law_point = s.sensor_position if s.law_sensor == "sensor" else length
     return {
         **_further_rows(s),
+        **_motor_rows(s),
         "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
         "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "LIMITS": state_limits(arm),

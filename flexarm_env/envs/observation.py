@@ -49,9 +49,8 @@ def sensors_of(settings: Settings) -> tuple[tuple[str, int], ...]:
 
 def shape_of(settings: Settings, program: Program) -> Shape:
     """Return the shape on which the tables of an environment's kernels depend."""
-    foreshortened = settings.flexible_arm.constants.foreshortened
-    modes = settings.flexible_arm.parameters.modes_per_link
-    return Shape(program, modes, foreshortened, sensors_of(settings))
+    k, modes = settings.flexible_arm.constants, settings.flexible_arm.parameters.modes_per_link
+    return Shape(program, modes, k.foreshortened, sensors_of(settings), settings.dry_joints, settings.real_motors)
 
 
 class ObservationLayout(NamedTuple):

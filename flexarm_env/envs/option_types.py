@@ -21,6 +21,9 @@ class EnvOptions(TypedDict, total=False):
     physics_step: float | None
     torque_limit: Sequence[float] | None
     torque_rate_limit: Sequence[float]
+    motor_time_constant: Sequence[float]
+    torque_speed_limit: Sequence[float] | None
+    torque_resolution: Sequence[float]
     gain_limit: float
     shift_limit: Sequence[float]
     inner_stiffness: Sequence[float]

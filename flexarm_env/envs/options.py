@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from flexarm_env.actions import MODES
+from flexarm_env.actions import IDEAL_MOTORS, MODES
 from flexarm_env.allowed import (
     Allowed,
     Custom,
@@ -104,6 +104,22 @@ class Options:
         (3000.0, 1000.0),
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),
+    )
+    motor_time_constant: tuple[float, float] = _own(
+        IDEAL_MOTORS["motor_time_constant"],
+        "time constants of the current loops of shoulder and elbow, through which a torque follows its command",
+        Pair(0.0, MAX_DELAY, "s"),
+    )
+    torque_speed_limit: tuple[float, float] | None = _own(
+        IDEAL_MOTORS["torque_speed_limit"],
+        "no-load speeds: the torque that a motor has in the direction of motion falls linearly from `torque_limit` at "
+        "rest to 0 there; None: it does not fall",
+        Optional(Pair(1e-3, 1e6, "rad/s")),
+    )
+    torque_resolution: tuple[float, float] = _own(
+        IDEAL_MOTORS["torque_resolution"],
+        "torques that commands are rounded to multiples of; 0: they are not",
+        Pair(0.0, 1e9, "N m"),
     )
     gain_limit: float = _own(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(

@@ -72,6 +72,8 @@ def common_values(settings: Settings) -> dict[str, Any]:
         "gain_limit": settings.gain_limit if observed else None,
         "action_limit": settings.action_limit if settings.mode.limit != "gain_limit" else None,
         "kept": kept,
+        "real motors": settings.real_motors,
+        "dry friction": settings.dry_joints,
         "substeps": settings.substeps,
         "paths": settings.reference[0] if settings.reference[0] in OF_EACH else "known",
     }
@@ -135,6 +137,8 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
     if name == "paths":
         kinds = ", ".join(map(repr, OF_EACH))
         return f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds}"
+    if name in ("real motors", "dry friction"):
+        return f"{name}: all environments must have some, or none; a tiny value stands for 0"
     steps = [s.control_period / s.substeps for s in (one, first)]
     return (
         f"physics_step = None: its arm would be integrated by steps of {steps[0]:.4g} s, that of environment 0 by "

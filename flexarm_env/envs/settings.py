@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-from flexarm_env.actions import MODES, TORQUE_LIMIT, ActionMode, modes_reading
+from flexarm_env.actions import IDEAL_MOTORS, MODES, TORQUE_LIMIT, ActionMode, modes_reading
 from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import REACH
@@ -25,7 +25,7 @@ from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.stability import count_readings, count_substeps, extreme_arm, fastest_rates
+from flexarm_env.simulation.stability import count_readings, count_substeps, extreme_arms, fastest_rates
 from flexarm_env.simulation.step_error import TOLERANCE, enough_steps, expected_error
 from flexarm_env.validation import known_names, shown
 
@@ -87,7 +87,7 @@ class Settings(Options):
             gymnasium.logger.warn(
                 f"reward_weights = {shown(self.reward_weights)}: no reward is above 0: ending an episode early pays"
             )
-        for what in ("law", "sensor_parameters", "flexible_arm"):
+        for what in ("law", "sensor_parameters", "flexible_arm", "real_motors", "dry_joints"):
             getattr(self, what)  # each derived value has its own checks
         self._refuse_what_does_not_fit()
         for one, word in zip(ends(self), ("least", "largest"), strict=False):
@@ -126,7 +126,7 @@ class Settings(Options):
         for name, numbers in values.items():
             own = tuple(map(float, np.ravel(numbers)))
             (known if name in known else arm)[name] = own if len(own) > 1 else own[0]
-        kept = ["paths", "integration", *([] if arm else ["flexible_arm"])]
+        kept = ["paths", "integration", "real_motors", "dry_joints", *([] if arm else ["flexible_arm"])]
         known |= {name: self.__dict__[name] for name in kept if name in self.__dict__}
         known["randomisation"] = {name: one for name, one in self.randomisation.items() if name in QUANTITIES}
         if arm:
@@ -230,6 +230,17 @@ class Settings(Options):
         """Largest torques of shoulder and elbow [N m]; inf where there is no limit."""
         return self.torque_limit or self.mode.torque_limit or (np.inf, np.inf)
 
+    @cached_property
+    def real_motors(self) -> bool:
+        """Whether torques pass through motors that are not ideal in any episode."""
+        given = ((getattr(one, name), value) for one in (self, *ends(self)) for name, value in IDEAL_MOTORS.items())
+        return any(own != value for own, value in given)
+
+    @cached_property
+    def dry_joints(self) -> bool:
+        """Whether joints have dry friction in any episode."""
+        return any(any(arm_parameters(one.arm).breakaway) for one in (self, *ends(self)))
+
     @property
     def action_limit(self) -> tuple[float, ...]:
         """Physical value of the action 1 in each channel."""
@@ -256,7 +267,8 @@ class Settings(Options):
         if self.mode.integrator == "implicit":
             return Integration("ARS(4,4,3)", 3, period / count, count, None)
         limits = corner.motor_limit if np.isfinite(max(corner.motor_limit)) else TORQUE_LIMIT
-        arms = {one.flexible_arm.parameters for one in (self, slow)} | {extreme_arm(corner)}
+        steep = worst(self, lambda one: arm_parameters(one.arm).steepest_friction)
+        arms = {one.flexible_arm.parameters for one in (self, slow)} | {*extreme_arms(corner), *extreme_arms(steep)}
         if self.physics_step is None:
             count = max(enough_steps(arm, limits, period, count) for arm in arms)
         error = max(expected_error(arm, limits, period / count) for arm in arms)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, LaneRow, Words
-from flexarm_env.codegen.declarations import Function, chosen_by_program
+from flexarm_env.codegen.declarations import Function, chosen_by_program, per_lane
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
@@ -70,6 +70,17 @@ def make_room(arena: Arena, header: Words, newest: int) -> None:
             kept[i] = later[i]
 
 
+@per_lane
+def allowed_command(arena: Arena, i: int, r: int, value: float) -> float:
+    """Return a command of channel r of lane i as its motor takes it: the nearest multiple of its resolution."""
+    if variant.motors:
+        unit = arena[row.TORQUE_UNIT + r, i]
+        if unit > 0.0:
+            count = min(floor(abs(value) / unit + 0.5), arena[row.TORQUE_LEVELS + r, i])
+            value = count * unit if value > 0.0 else -count * unit
+    return value
+
+
 def command(block: Block, i: int, r: int, begin: float) -> float:
     """Return the mean command that acts on channel r of lane i in an integration step, as a share of `COMMAND_SCALE`.
 
@@ -83,16 +94,16 @@ def command(block: Block, i: int, r: int, begin: float) -> float:
     newest = row.TAIL + header[word.COMMANDS] + r
     late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
     if late == 0.0:
-        return arena[newest, i]
+        return allowed_command(arena, i, r, arena[newest, i])
     start = (begin - late) / settings[setting.PERIOD] + 1e-9  # in periods, of the moment at which the command was given
     length = settings[setting.STEP] / settings[setting.PERIOD]
     whole = floor(start)
     back = -int(whole)  # 0: the present action acts, 1: the one before, ...
-    value = arena[newest + back * header[word.CHANNELS], i]
+    value = allowed_command(arena, i, r, arena[newest + back * header[word.CHANNELS], i])
     before_switch = (whole + 1.0 - start) / length
     if back == 0 or before_switch >= 1.0 - 1e-6:
         return value
-    next_value = arena[newest + (back - 1) * header[word.CHANNELS], i]
+    next_value = allowed_command(arena, i, r, arena[newest + (back - 1) * header[word.CHANNELS], i])
     return before_switch * value + (1.0 - before_switch) * next_value
 
 
@@ -115,6 +126,9 @@ def write_commands(block: Block, step: int, held: bool) -> None:
         commands: LaneRow = arena[newest + r]
         for i in range(variant.lanes if held else 0):
             torques[i] = scale[i] * commands[i]
+        if variant.motors:
+            for i in range(variant.lanes if held else 0):
+                torques[i] = scale[i] * allowed_command(arena, i, r, commands[i])
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
                 torques[i] = scale[i] * command(block, i, r, begin)
@@ -139,6 +153,12 @@ def drive_torque(block: Block) -> None:
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
         step_kernel(arena, settings[setting.STEP])
+        if variant.motors:
+            share = settings[setting.STEP] / settings[setting.PERIOD]
+            for r in range(2):
+                for i in range(variant.lanes):
+                    before = arena[row.TORQUE + r, i] if step > 0 else 0.0
+                    arena[row.TORQUE + r, i] = before + share * arena[row.ACTED + r, i]
         keep_reading(block, step + 1)
     count_steps(clock, history, header[word.SUBSTEPS])
 

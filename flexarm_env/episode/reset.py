@@ -217,6 +217,9 @@ def clear_lane(block: Block, i: int) -> None:
         arena[row.NOISE, i] = 0.0
         arena[row.NOISE + 1, i] = 0.0
         prepare_law(arena, i)
+    if variant.motors:
+        arena[row.MOTOR, i] = 0.0
+        arena[row.MOTOR + 1, i] = 0.0
     if variant.tracking:
         arena[row.SHIFT, i] = 0.0
         arena[row.SHIFT + 1, i] = 0.0

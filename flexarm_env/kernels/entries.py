@@ -17,6 +17,7 @@ from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
 FURTHER_SENSORS = frozenset({"further sensors"})  # group of the parts that sensors beside that on link 2 need
+MOTORS = frozenset({"motors"})  # group of the parts that motors need
 _ENVIRONMENT = ("environment",)
 
 
@@ -28,17 +29,22 @@ class Shape(NamedTuple):
         modes: per link.
         foreshortened: kinematics (`bent_link`).
         sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
+        dry: joints have dry friction.
+        motors: torques pass through motors that are not ideal (`motors`).
     """
 
     program: Program
     modes: int
     foreshortened: bool
     sensors: tuple[tuple[str, int], ...] = ()
+    dry: bool = False
+    motors: bool = False
 
     @property
     def groups(self) -> frozenset[str]:
         """Of the parts that tables have (`layout`)."""
-        return self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
+        groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
+        return groups | MOTORS if self.motors else groups
 
     @property
     def size(self) -> int:
@@ -58,7 +64,7 @@ class Shape(NamedTuple):
     @property
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
-        return linear_algebra.extent(Constants.sizes(self.modes, self.foreshortened))
+        return linear_algebra.extent(Constants.sizes(self.modes, self.foreshortened, self.dry))
 
     @property
     def pairs(self) -> int:
@@ -132,7 +138,7 @@ class Constant(Names):
     @classmethod
     def layout(cls, shape: Shape) -> dict[str, tuple[int, int]]:
         """Return where each field of `Constants` lies."""
-        sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened), strict=True)
+        sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened, shape.dry), strict=True)
         return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
 
     ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "1")

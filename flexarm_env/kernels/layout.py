@@ -7,6 +7,7 @@ which rows its arenas have:
 - "tracking": the joint-space law tracks the reference (`joint_tracking`),
 - "environment": an environment (`episode`),
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
+- "motors": its torques pass through motors that are not ideal (`motors`),
 - "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
 - "adjoint": a gradient is carried back (`step_gradients`),
@@ -20,7 +21,15 @@ from operator import attrgetter
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, SEGMENT_ROWS, STATE_UNIT, Shape
+from flexarm_env.kernels.entries import (
+    CONSTANTS_UNIT,
+    FURTHER_SENSORS,
+    MOTORS,
+    QUANTITIES,
+    SEGMENT_ROWS,
+    STATE_UNIT,
+    Shape,
+)
 from flexarm_env.kernels.tableau import RK4_NODES, STAGES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
@@ -73,6 +82,7 @@ _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _HOSTED = ("hosted",)
 _FURTHER = tuple(FURTHER_SENSORS)
+_MOTORS = tuple(MOTORS)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
@@ -160,6 +170,14 @@ class Row(Names):
 
     ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2, _ENVIRONMENT)
     COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2, _ENVIRONMENT)
+    MOTOR = Entry("torque of the current loops", "N m", 2, _MOTORS)
+    MOTOR_RESPONSE = Entry("of each joint at a step's start, middle and end (`motors.response`)", "1", 8, _MOTORS)
+    STALL_TORQUE = Entry("torque at rest; inf: no limit", "N m", 2, _MOTORS)
+    PER_SPEED = Entry("one over the no-load speed; 0: no limit", "s/rad", 2, _MOTORS)
+    TORQUE_UNIT = Entry("torque that commands are multiples of, over COMMAND_SCALE; 0: any", "1", 2, _MOTORS)
+    TORQUE_LEVELS = Entry("largest multiple", "1", 2, _MOTORS)
+    ACTED = Entry("mean torque of the latest step", "N m", 2, _MOTORS)
+
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
     TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
@@ -244,7 +262,7 @@ class Row(Names):
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _MEASURED)
-    TORQUE = Entry("torques at the start of the period", "N m", 2, _ENVIRONMENT)
+    TORQUE = Entry("torques at the start of the period; of motors that are not ideal its mean", "N m", 2, _ENVIRONMENT)
     TRUE_TIP = Entry("tip with deflection", "m", 2, _ENVIRONMENT)
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _ENVIRONMENT)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _ENVIRONMENT)

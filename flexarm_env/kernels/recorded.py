@@ -13,7 +13,7 @@ from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_thet
 from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
-from flexarm_env.physics import sensing
+from flexarm_env.physics import motors, sensing
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.linear_algebra import plus_scaled
 from flexarm_env.physics.modal_elimination import elimination
@@ -86,6 +86,7 @@ def step_record(variant: Variant) -> Recorder:
     h, y, p, k = r.trace.number("h"), r.read("Y"), r.read("P"), r.constants()
     stage_y, slopes = y, [*r.read("V"), *r.read("FORCE")]
     total: list[Any] = []
+    acted = [0.0, 0.0]
     for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True):
         assert weight in (1.0, 2.0)
         v, acting = slopes[: len(y)], r.read("TAU")
@@ -95,6 +96,9 @@ def step_record(variant: Variant) -> Recorder:
                 r.write("STAGE_TORQUE", acting)
             if next_node is None and variant.further_readings:
                 r.write("END_TORQUE", acting)
+        if variant.motors:
+            acting = _motor_torque(r, k, round(2 * node), acting, v)
+            acted = plus_scaled(acted, weight / 6.0, acting)
         rates = [*v, *driven(k, slopes[len(y) :], acting)]
         each = rates if weight == 1.0 else [a + a for a in rates]
         total = [a + b for a, b in zip(total, each, strict=True)] if total else each
@@ -103,6 +107,9 @@ def step_record(variant: Variant) -> Recorder:
             stage_y, stage_p = plus_scaled(y, ahead, v), plus_scaled(p, ahead, rates[len(y) :])
             slopes = slopes_at(r, stage_y, stage_p)
     move(r, total)
+    if variant.motors:
+        r.write("ACTED", acted)
+        r.write("MOTOR", _lagged(r, 3, r.read("TAU")))
     return r
 
 
@@ -118,6 +125,17 @@ def move(r: Recorder, total: Sequence[Any]) -> None:
     r.write("Y", moved[: len(y)])
     r.write("P", moved[len(y) :])
     enter_slopes(r, moved[: len(y)], moved[len(y) :])
+
+
+def _lagged(r: Recorder, place: int, wanted: Sequence[Any]) -> list[Any]:
+    """Return the current loops' torques at a place of `motors.response`."""
+    left = r.read("MOTOR_RESPONSE")[2 * place : 2 * place + 2]
+    return [u + share * (m - u) for u, share, m in zip(wanted, left, r.read("MOTOR"), strict=True)]
+
+
+def _motor_torque(r: Recorder, k: Constants, place: int, wanted: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    limits = r.read("STALL_TORQUE"), r.read("PER_SPEED")
+    return motors.available(_lagged(r, place, wanted), dyn.joint_angles(k, v), *limits)
 
 
 def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
@@ -221,6 +239,9 @@ def further_reading_record(variant: Variant) -> Recorder:
         sin, cos = sincos(dyn.elbow_turn(y))
         angles = cos, sin, sine_of_theta2(variant, k, y)
         torque = r.read("END_TORQUE" if variant.tracking else "TAU")
+        if variant.motors:
+            limits = r.read("STALL_TORQUE"), r.read("PER_SPEED")
+            torque = motors.available(r.read("MOTOR"), dyn.joint_angles(k, v), *limits)
         acceleration = dyn.acceleration(k, r.elimination(), variant.complete, y, v, torque, angles)
     motion = sensing.Motion(y, v, acceleration)
     each = [quantity.formula(k, r.mount(n), motion) for n, quantity in enumerate(quantities)]

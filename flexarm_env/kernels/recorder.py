@@ -64,14 +64,14 @@ class Recorder:
 
     def constants(self) -> Constants:
         """Read the constants of the arm."""
-        return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
+        return self._constants_of(self.read("CONSTANTS"))
 
     def constant_derivatives(self) -> list[Constants]:
         """Of the constants, by each quantity."""
         changes = self.read("CHANGES")
         each = len(changes) // len(ARM_QUANTITIES)
         parts = [changes[n : n + each] for n in range(0, len(changes), each)]
-        return [Constants.unflat(part, self.variant.modes, self.variant.foreshortened) for part in parts]
+        return [self._constants_of(part) for part in parts]
 
     def elimination(self) -> Elimination | None:
         """Read the elimination that follows from the constants."""
@@ -101,6 +101,9 @@ class Recorder:
         )
         point = PointShape(self.read("FURTHER_DISTANCE")[n], values, foreshortening)
         return Mount(self.variant.sensors[n][1], point, slopes)
+
+    def _constants_of(self, numbers: Sequence[Any]) -> Constants:
+        return Constants.unflat(numbers, self.variant.modes, self.variant.foreshortened, self.variant.dry)
 
     def _part(self, name: str) -> tuple[int, int]:
         if name not in self.variant.rows:
@@ -174,7 +177,8 @@ def _slope(variant: Variant) -> Recording:
     }
     names = [[f"{name}{n}" for n in range(count)] for name, count in counts.items()]
     constants, known, y, p, (sin, cos) = ([trace.number(name) for name in group] for group in names)
-    k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
+    k = Constants.unflat(constants, variant.modes, variant.foreshortened, variant.dry)
+    e = _elimination(variant, known)
     v = dyn.solve(k, e, dyn.inertia(k, e, y, cos, sin), p)
     rate = dyn.momentum_rate(k, variant.complete, y, v, (0.0, 0.0), (cos, sin, sine_of_theta2(variant, k, y)))
     return trace.recording([name for group in names for name in group], [*v, *rate])

@@ -36,6 +36,8 @@ class Variant:
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
         sensors: see `Shape` (environments only).
+        dry: see `Shape`.
+        motors: see `Shape` (environments only).
     """
 
     program: Program
@@ -49,6 +51,8 @@ class Variant:
     foreshortened: bool = False
     disturbed: bool = False
     sensors: tuple[tuple[str, int], ...] = ()
+    dry: bool = False
+    motors: bool = False
 
     @property
     def kind(self) -> str:
@@ -58,7 +62,7 @@ class Variant:
     @property
     def shape(self) -> Shape:
         """What the layouts depend on."""
-        return Shape(self.program, self.modes, self.foreshortened, self.sensors)
+        return Shape(self.program, self.modes, self.foreshortened, self.sensors, self.dry, self.motors)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
@@ -153,6 +157,10 @@ class Variant:
             parts.append("drawn paths")
         if self.disturbed:
             parts.append("disturbances")
+        if self.dry:
+            parts.append("dry friction")
+        if self.motors:
+            parts.append("motors")
         parts += [f"a sensor of {quantity} on link {link}" for quantity, link in self.sensors]
         return ", ".join(parts)
 

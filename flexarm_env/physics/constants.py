@@ -24,7 +24,7 @@ _ELASTIC = ("stiffness_1", "stiffness_2")
 _DAMPED = ("damping_1", "damping_2")
 _WITHOUT_PAYLOAD = (
     *("elbow_distance", "friction_1", "friction_2", "elbow_values", "elbow_slopes", "elbow_foreshortening"),
-    *(*_ELASTIC, *_DAMPED),
+    *(*_ELASTIC, *_DAMPED, "dry_friction"),
 )
 
 
@@ -37,8 +37,9 @@ class Constants(NamedTuple):
     payload at its tip; link 2 carries the elbow hub's inertia and the payload. ``centrifugal`` as in `bent_link.Link`;
     link 1's is ``mass_1`` with linear kinematics.
 
-    The last nine are empty with linear kinematics (`bent_link`): S at the elbow, of link 2 the integral of S over mass,
-    and what its moments become.
+    Nine of the last are empty with linear kinematics (`bent_link`): S at the elbow, of link 2 the integral of S over
+    mass, and what its moments become. The very last is empty without dry friction (`dynamics.dry_friction`): of each
+    joint Coulomb's level and what breakaway adds [N m], then one over the two rates of `ArmParameters` [s/rad].
     """
 
     elbow_distance: Any
@@ -68,19 +69,35 @@ class Constants(NamedTuple):
     crossed_2: Vector = ()
     quartic_1: Vector = ()
     quartic_2: Vector = ()
+    dry_friction: Vector = ()
 
     @staticmethod
-    def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
+    def sizes(modes: int, foreshortened: bool = False, dry: bool = False) -> list[int | None]:
         """Return the length of each field for a number of modes; None for a number."""
         pairs = modes * (modes + 1) // 2
         crossed = modes * modes * (modes - 1) // 2
         further = [pairs] * 3 + [modes * pairs] * 2 + [crossed] * 2 + [pairs * (pairs + 1) // 2] * 2
-        return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
+        return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further] + [6 * dry]
 
     @property
     def foreshortened(self) -> bool:
         """Whether the kinematics are."""
         return bool(self.elbow_foreshortening)
+
+    @property
+    def dry(self) -> bool:
+        """Whether joints have dry friction."""
+        return bool(self.dry_friction)
+
+    @property
+    def at_rest(self) -> Constants:
+        """What they are to first order about rest, where dry friction is viscous."""
+        if not self.dry:
+            return self
+        slopes = [(self.dry_friction[n] + self.dry_friction[n + 1]) * self.dry_friction[5] for n in (0, 2)]
+        return self._replace(
+            friction_1=self.friction_1 + slopes[0], friction_2=self.friction_2 + slopes[1], dry_friction=()
+        )
 
     @property
     def elbow(self) -> PointShape:
@@ -107,9 +124,9 @@ class Constants(NamedTuple):
         return linear_algebra.flat(self)
 
     @classmethod
-    def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
+    def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False, dry: bool = False) -> Constants:
         """Return the inverse of `flat`."""
-        return cls(*linear_algebra.unflat(numbers, cls.sizes(modes, foreshortened)))
+        return cls(*linear_algebra.unflat(numbers, cls.sizes(modes, foreshortened, dry)))
 
 
 def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
@@ -154,6 +171,7 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
         mass_1=_lower(mass_1),
         mass_2=_lower(mass_2),
         centrifugal_2=_lower(translation_2),
+        dry_friction=_dry_friction(p) if any(p.breakaway) else (),
     )
     if p.kinematics == "linear":
         return k
@@ -210,7 +228,8 @@ def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkMode
         return np.array(arm_constants(replace(parameters, **changes), modes).flat())
 
     foreshortened = parameters.kinematics == "foreshortened"
-    sizes = dict(zip(Constants._fields, Constants.sizes(parameters.modes_per_link, foreshortened), strict=True))
+    dry = any(parameters.breakaway)
+    sizes = dict(zip(Constants._fields, Constants.sizes(parameters.modes_per_link, foreshortened, dry), strict=True))
     return ConstantChanges(
         base=flat(),
         own=np.array([parameters.payload_mass, 1.0, parameters.damping_ratio]),
@@ -223,7 +242,8 @@ def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkMode
 def _by_damping(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> np.ndarray:
     """How the constants of an arm change with its damping ratio; flat as `Constants.flat`."""
     unit = replace(parameters, damping_ratio=1.0)
-    sizes = Constants.sizes(parameters.modes_per_link, parameters.kinematics == "foreshortened")
+    foreshortened, dry = parameters.kinematics == "foreshortened", any(parameters.breakaway)
+    sizes = Constants.sizes(parameters.modes_per_link, foreshortened, dry)
     zeros: list[Any] = [0.0 if n is None else (0.0,) * n for n in sizes]
     one, two = (_floats(link_damping(unit, link)) for link in modes)
     return np.array(Constants(*zeros)._replace(damping_1=one, damping_2=two).flat())
@@ -291,6 +311,11 @@ def _foreshortened(k: Constants, modes: tuple[LinkModes, LinkModes], carried: tu
         quartic_1=_lower(one.quartic),
         quartic_2=_lower(two.quartic),
     )
+
+
+def _dry_friction(p: ArmParameters) -> tuple[float, ...]:
+    levels = zip(p.coulomb_friction, p.breakaway_excess, strict=True)
+    return (*(level for joint in levels for level in joint), 1.0 / p.stribeck_velocity, 1.0 / p.friction_smoothing)
 
 
 def _crossed(cubic: np.ndarray) -> tuple[float, ...]:

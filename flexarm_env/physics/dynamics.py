@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexarm_env.codegen.tracing import Symbol, root
 from flexarm_env.physics import bent_link, linear_algebra, modal_elimination
 from flexarm_env.physics.bent_link import (
     bent,
@@ -217,10 +218,35 @@ def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector, tau: Vector = 
     """Return the right-hand side: B (tau - friction) - h - K y - D v; tau: of the motors [N m]."""
     m = len(k.elbow_slopes)
     rate1, rate2 = joint_angles(k, v)
-    joints = generalised_torque(k, (tau[0] - k.friction_1 * rate1, tau[1] - k.friction_2 * rate2))
+    acting = [tau[0] - k.friction_1 * rate1, tau[1] - k.friction_2 * rate2]
+    if k.dry:
+        acting = [torque - dry for torque, dry in zip(acting, dry_friction(k, (rate1, rate2)), strict=True)]
+    joints = generalised_torque(k, acting)
     stiffness = (0.0, *k.stiffness_1, 0.0, *k.stiffness_2)
     damping = (0.0, *k.damping_1, 0.0, *k.damping_2)
     return [joints[i] - (h[i] + stiffness[i] * y[i] + damping[i] * v[i]) for i in range(2 * m + 2)]
+
+
+def dry_friction(k: Constants, rates: Vector) -> list[Any]:
+    """Return the dry friction of both joints [N m], positive against a positive rate.
+
+    ``F = (Fc + (Fs - Fc) / (1 + (w / ws)^2)) s(w / w0)``: Coulomb's level Fc, the breakaway level Fs and the Stribeck
+    velocity ws in the form of Hess and Soom (J. Tribology 112, 1990; Armstrong-Helouvry, Dupont and Canudas de Wit,
+    Automatica 30, 1994, compare the forms), and the smooth sign ``s(x) = x / sqrt(1 + x^2)``. No exponential, so that
+    other engines evaluate it as it stands (`flexarm_env.formulas`).
+
+    Args:
+        k: constants, with `Constants.dry_friction`.
+        rates: of theta1 and theta2 [rad/s].
+    """
+    *levels, per_stribeck, per_smoothing = k.dry_friction
+    friction = []
+    for rate, coulomb, further in zip(rates, levels[::2], levels[1::2], strict=True):
+        slow, x = rate * per_stribeck, rate * per_smoothing
+        square = 1.0 + x * x
+        length = root(square) if isinstance(square, Symbol) else square**0.5
+        friction.append((coulomb + further / (1.0 + slow * slow)) * (x / length))
+    return friction
 
 
 def acceleration(

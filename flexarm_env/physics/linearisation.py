@@ -44,7 +44,7 @@ def straight_arms(k: Constants, theta2: Array) -> tuple[Array, Array]:
     Returns:
         A and B of `Linearisation`, each of internal coordinates. Shapes (count, 2 n, 2 n), (count, 2 n, 2).
     """
-    n = 2 * len(k.elbow_slopes) + 2
+    k, n = k.at_rest, 2 * len(k.elbow_slopes) + 2
     zeros = np.zeros((n, 2 * n + 2))
     ways = np.eye(2 * n + 2)
     forces = dyn.applied_forces(k, list(ways[:n]), list(ways[n : 2 * n]), list(zeros), list(ways[2 * n :]))

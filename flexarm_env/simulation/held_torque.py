@@ -242,7 +242,7 @@ class HeldTorque(ABC):
         """
         flat = known = self.changes.constants(quantities)
         if not self.constants.foreshortened:
-            e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link))
+            e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link, dry=self.constants.dry))
             assert e is not None
             known = np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
         return known, self.changes.derivatives(quantities).reshape(len(quantities), -1)
@@ -293,15 +293,17 @@ class HeldTorque(ABC):
 
     def _kernels(self, program: Program, lanes: int) -> tuple[Entries, Array]:
         """Load a program's kernels, and allocate their memory."""
-        complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
-        module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, foreshortened)
+        complete, k = self.parameters.velocity_forces == "complete", self.constants
+        module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, k.foreshortened, k.dry)
         return module, aligned_zeros(words)
 
 
 @lru_cache
-def _loaded(program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool) -> tuple[Entries, int]:
+def _loaded(
+    program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool, dry: bool
+) -> tuple[Entries, int]:
     """Return kernels and the length of their arena; arguments as in `Variant`."""
-    variant = Variant(program, modes, complete, lanes, foreshortened=foreshortened)
+    variant = Variant(program, modes, complete, lanes, foreshortened=foreshortened, dry=dry)
     return compiler.load(variant), lanes * extent(variant.rows)
 
 

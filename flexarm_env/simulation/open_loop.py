@@ -46,7 +46,7 @@ class OpenLoop:
         modes = len(constants.elbow_slopes)
         size = 2 * modes + 2
         self._start, self._constants = start, constants
-        variant = Variant(OPEN, modes, complete, lanes=1, foreshortened=constants.foreshortened)
+        variant = Variant(OPEN, modes, complete, lanes=1, foreshortened=constants.foreshortened, dry=constants.dry)
         self._module: Entries = compiler.load(variant)
         self._rows = variant.rows
         self._arena = np.zeros(extent(self._rows))

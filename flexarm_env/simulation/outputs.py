@@ -49,7 +49,7 @@ def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: A
 @lru_cache(maxsize=64)
 def _kernels(k: Constants, tip: PointShape, sensor: PointShape) -> tuple[Entries, Array]:
     """Return the kernels, and what their arena holds of the arm; arguments as in `output_jacobians`."""
-    variant = Variant(OUTPUT_JACOBIANS, len(k.elbow_slopes), True, LANES, foreshortened=k.foreshortened)
+    variant = Variant(OUTPUT_JACOBIANS, len(k.elbow_slopes), True, LANES, foreshortened=k.foreshortened, dry=k.dry)
     rows = variant.rows
     arena = np.zeros((extent(rows), LANES))
     for name, numbers in (arm_rows(k) | place_rows("TIP", tip) | place_rows("SENSOR_POINT", sensor)).items():

@@ -32,8 +32,11 @@ MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
 
 
-def extreme_arm(settings: Any) -> ArmParameters:
-    """Return the stiffest and lightest arm that an episode may draw.
+def extreme_arms(settings: Any) -> list[ArmParameters]:
+    """Return the stiffest and lightest arm that an episode may draw, near rest and as its joints slide.
+
+    Near rest dry friction is viscous. The torque-speed line is a slope of the torque as well, where it limits; twice
+    that slope, since the torque has a corner where the line begins (tests/episode/test_motors.py).
 
     Args:
         settings: `Settings`.
@@ -42,17 +45,25 @@ def extreme_arm(settings: Any) -> ArmParameters:
     stiffness, payload = settings.range_of("stiffness")[1], settings.range_of("payload_mass")[0]
     damping = settings.range_of("damping")[1]
     rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-    return replace(own, flexural_rigidities=rigidities, payload_mass=payload, damping_ratio=damping)
+    extreme = replace(own, flexural_rigidities=rigidities, payload_mass=payload, damping_ratio=damping)
+    arms = [extreme]
+    if any(own.breakaway):
+        arms.append(replace(extreme, coulomb_friction=(0.0, 0.0), breakaway_excess=(0.0, 0.0)))
+    if settings.torque_speed_limit is not None:
+        lines = zip(own.joint_friction, settings.motor_limit, settings.torque_speed_limit, strict=True)
+        shoulder, elbow = (friction + 2.0 * stall / speed for friction, stall, speed in lines)
+        arms.append(replace(extreme, joint_friction=(shoulder, elbow)))
+    return arms
 
 
 def fastest_rates(settings: Any) -> tuple[float, ...]:
-    """Return the rates of the fastest arm that an episode may draw (`extreme_arm`), or of its inner loop [rad/s].
+    """Return the rates of the fastest arms that an episode may draw (`extreme_arms`), or of its inner loop [rad/s].
 
     Args:
         settings: `Settings`.
     """
     gains = (settings.inner_stiffness, settings.inner_resistance) if settings.mode.law == "joints" else None
-    return _rates_of(extreme_arm(settings), gains)
+    return tuple(rate for arm in extreme_arms(settings) for rate in _rates_of(arm, gains))
 
 
 @lru_cache(maxsize=256)

@@ -5,6 +5,10 @@ limits every `HELD` seconds. The tip's response to each of them has the relative
 transition matrix makes in that time; errors of independent torques add up by their squares. What the linear arm lacks,
 large turns, makes errors grow: the median over motions is `GROWTH` times that of the linear arm, as measured
 (tests/simulation/test_step_error.py).
+
+Where a joint with dry friction turns back, the momentum errs by friction times step, less where the step is short
+beside the time constant of the joint near rest. The tip then errs by `DRY` times that over the rigid arm's inertia
+about the joint times its lever, in a second; `DRY` as measured, too.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ SECONDS, HELD = 1.0, 0.05  # of the motion, and of each torque [s]
 ELBOWS = np.array([0.4, 1.6, 2.8])  # [rad]
 # Links with linear kinematics do not stiffen as they turn: fast turns make them soft, and errors grow.
 GROWTH = {"foreshortened": 3.0, "linear": 40.0}
+DRY = 0.6  # [s]
 TOLERANCE = 1e-4  # expected error that the default step keeps [m]
 BENT = 0.25  # largest deflection of a link's tip that torques are taken to cause, as a share of its length
 FINE = 32  # steps in one for the exact transition matrix: the method's error falls by a factor of a million
@@ -63,7 +68,17 @@ def expected_error(parameters: ArmParameters, limits: tuple[float, float], step:
     bends = np.sqrt(np.sum(np.square(exact[:, :, 2:]), axis=(1, 3)))  # of each link's tip
     share = np.min(BENT * np.array(parameters.link_lengths) / np.maximum(bends, 1e-300), axis=1)
     squares = np.minimum(share, 1.0) ** 2 * np.sum(np.square((found - exact)[:, :, :2]), axis=(1, 2, 3))
-    return GROWTH[parameters.kinematics] * float(np.sqrt(np.mean(squares)))
+    linear = GROWTH[parameters.kinematics] * float(np.sqrt(np.mean(squares)))
+    return float(np.hypot(linear, DRY * step * _dry_rate(parameters, step))) if any(parameters.breakaway) else linear
+
+
+def _dry_rate(parameters: ArmParameters, step: float) -> float:
+    """Return what a step misses of the acceleration of the straight rigid arm's tip by dry friction [m/s^2]."""
+    mass = FlexibleArm(parameters).mass_matrix(np.zeros(2 * parameters.modes_per_link + 2))
+    levers = np.array([parameters.reach, parameters.link_lengths[1]])
+    friction, inertia = np.array(parameters.breakaway), np.diagonal(mass)[:2]
+    rates = friction / parameters.friction_smoothing * np.diagonal(np.linalg.inv(mass))[:2]  # near rest [1/s]
+    return float(np.linalg.norm(levers * friction / inertia * np.minimum(step * rates, 1.0)))
 
 
 def _one_step(scaled: Array) -> Array:

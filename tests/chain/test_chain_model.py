@@ -65,6 +65,11 @@ def test_motors_turn_their_joints() -> None:
         assert data.joint(("shoulder", "elbow")[motor]).qvel[0] > 0.0
 
 
+def test_dry_friction_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"coulomb_friction.*no dry friction"):
+        chain.chain_model(10, ArmParameters(coulomb_friction=(1.0, 0.0)))
+
+
 def test_material_damping_and_friction_are_in_the_hinges() -> None:
     arm = ArmParameters.linear(damping_ratio=0.02, damping_model="material", joint_friction=(0.5, 0.25))
     model = chain.chain_model(10, arm)

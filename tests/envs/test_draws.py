@@ -35,6 +35,15 @@ SENSORS: dict[str, Any] = {
 }
 TORQUES = {"torque_limit": ((90.0, 180.0), (30.0, 60.0))}
 INNER_LAW = {"inner_stiffness": ((8e2, 1e3), (1e2, 130.0)), "inner_resistance": ((9.0, 9.5), (3.0, 4.0))}
+MOTORS: dict[str, Any] = {
+    "motor_time_constant": ((0.0, 0.01), (0.0, 0.02)),
+    "torque_speed_limit": ((20.0, 30.0), (90.0, 100.0)),
+    "torque_resolution": ((0.0, 3.0), ("choice", [0.0, 1.0])),
+    "coulomb_friction": ((0.0, 2.0), (0.0, 0.2)),
+    "breakaway_excess": ((0.0, 1.0), (0.0, 0.1)),
+    "stribeck_velocity": (0.3, 0.5),
+    "friction_smoothing": (0.8, 1.0),
+}
 ALL = ARM | SENSORS | TORQUES | {"payload_mass": ("log_uniform", 0.05, 1.0), "noise": ("choice", [0.0, 0.01])}
 STEP = {"physics_step": 1e-3}
 
@@ -96,7 +105,7 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
     [
         (SQUARE, ARM, {"elbow_branch": "either"}),
         (SQUARE, SENSORS, {"noise": 0.01}),
-        (SQUARE, TORQUES, {}),
+        (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
     ],
 )

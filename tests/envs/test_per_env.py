@@ -60,6 +60,13 @@ FURTHER_LANES: dict[str, list[Any]] = {
     "imu_bias": [(0.1, 0.005), (0.0, 0.0), (0.1, 0.0)] * 3,
     "imu_range": [(80.0, 17.0), (160.0, 35.0), (1.0, 0.1)] * 3,
 }
+MOTOR_LANES: dict[str, list[Any]] = {
+    "motor_time_constant": [(0.0, 0.01), (0.004, 0.0), (0.03, 0.02)] * 3,
+    "torque_speed_limit": [None, (9.0, 90.0), (20.0, 100.0)] * 3,
+    "torque_resolution": [(0.0, 0.0), (7.0, 0.0), (1.0, 3.0)] * 3,
+    "actuation_delay": [0.0, 0.013, 0.0] * 3,
+    "arm": [{"coulomb_friction": (2.0, x), "friction_smoothing": 1.0} for x in (0.1, 0.2, 0.0)] * 3,
+}
 GAIN_LANES: dict[str, list[Any]] = {
     "gain_limit": [1.0, 5.0, 0.3] * 3,
     "proportional_gain": [150.79, 100.0, 200.0] * 3,
@@ -93,14 +100,21 @@ def test_each_environment_has_its_further_sensors() -> None:
 
 
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_each_environment_has_its_motors_and_friction(kernels: str) -> None:
+    compare_with_singles(SQUARE, MOTOR_LANES, 5 if kernels == "plain" else 60, physics_step=5e-4)
+    for mixed in ({"torque_resolution": [(0.0, 0.0), (0.1, 0.1)]}, {"arm": ["default", MOTOR_LANES["arm"][0]]}):
+        with refuses(ValueError, "environment 1", "or none"):
+            vector(SQUARE, 2, per_env=mixed, physics_step=5e-4)
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
     compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, law_sensor="sensor")
 
 
 def test_the_tests_have_every_option() -> None:
-    assert {*TORQUE_LANES, *SENSOR_LANES, *FURTHER_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(
-        OPTIONS
-    )
+    tables = (TORQUE_LANES, SENSOR_LANES, FURTHER_LANES, GAIN_LANES, MOTOR_LANES)
+    assert {name for table in tables for name in table} | {"inner_stiffness", "inner_resistance"} == set(OPTIONS)
 
 
 def test_gains_of_the_joint_space_law() -> None:

@@ -12,7 +12,7 @@ from flexarm_env.kernels.step_gradients import GRADIENTS, run_gradients, trail_r
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
 from tests.support.complex_steps import jacobian, stepped
-from tests.support.lagrange import loaded_arm, random_state
+from tests.support.lagrange import DRY, loaded_arm, random_state
 
 STEPS = 3
 LINEAR = {"kinematics": "linear"}
@@ -21,7 +21,7 @@ SLOW = [pytest.param((modes, options), marks=pytest.mark.slow) for modes in (1, 
 
 
 @pytest.mark.parametrize("modes", [1, 2])
-@pytest.mark.parametrize("options", [LINEAR, {"velocity_forces": "rigid"}, BENT], ids=str)
+@pytest.mark.parametrize("options", [LINEAR, {"velocity_forces": "rigid"}, BENT, LINEAR | DRY], ids=str)
 def test_the_drivers_give_them_in_plain_python(modes: int, options: dict[str, Any]) -> None:
     """Nothing is compiled; the quantities are not the arm's own."""
     arm = FlexibleArm(loaded_arm(modes, **options))
@@ -29,7 +29,8 @@ def test_the_drivers_give_them_in_plain_python(modes: int, options: dict[str, An
     state, torque, drawn = random_state(arm.parameters, 1), np.array([20.0, -7.0]), np.array([0.7, 1.2, 0.03])
     weights = np.random.default_rng(0).normal(size=size)
     arms, torques = arm._driven(state, torque, tuple(drawn))
-    variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=arm.constants.foreshortened)
+    k = arm.constants
+    variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
     found = np.zeros((1, size)), np.zeros((1, 2))
     with plain_python(variant):
         arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(arm.size, STEPS), 1))

@@ -13,9 +13,9 @@ from flexarm_env.kernels.step_jacobians import TANGENTS, run_tangents
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
 from tests.support.complex_steps import jacobian, stepped
-from tests.support.lagrange import loaded_arm, random_state
+from tests.support.lagrange import DRY, loaded_arm, random_state
 
-QUICK: tuple[int, dict[str, Any]] = (1, {})  # its batches' kernels are all that is compiled here by default
+QUICK: tuple[int, dict[str, Any]] = (1, DRY)  # its batches' kernels are all that is compiled here by default
 RIGID = {"velocity_forces": "rigid"}
 BENT = {"kinematics": "foreshortened", "mode_shapes": "polynomial"}
 SLOW = [
@@ -102,12 +102,13 @@ def test_one_arm_alone_is_the_same_to_the_last_bit(case: Case) -> None:
         np.testing.assert_array_equal(stepped_alone, alone.state)
 
 
-@pytest.mark.parametrize("options", [RIGID, BENT], ids=str)
+@pytest.mark.parametrize("options", [RIGID, BENT, BENT | DRY], ids=str)
 def test_the_drivers_give_them_in_plain_python(options: dict[str, Any]) -> None:
     """Nothing is compiled; the recorded kernels round their sums with products twice."""
     case = Case(1, options)
     arms, torques = case.arm._driven(case.states[0], case.torques[0], (0.7, 1.2, 0.03))
-    variant = Variant(TANGENTS, 1, case.arm._complete, 1, foreshortened=case.arm.constants.foreshortened)
+    k = case.arm.constants
+    variant = Variant(TANGENTS, 1, case.arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
     states, jacobians = arms.states.copy(), tuple(np.zeros((1, 8, columns)) for columns in (8, 2, 3))
     with plain_python(variant):
         arena = np.zeros((extent(variant.rows), 1))

@@ -30,7 +30,8 @@ def jacobian(function: Callable[[Numbers], Numbers], at: Numbers) -> Numbers:
 def stepped(arm: FlexibleArm, state: Numbers, torque: Numbers, quantities: Numbers, h: float, steps: int) -> Numbers:
     """Public state after some steps, by the plain formulas and a factorisation of M; arguments may be complex."""
     flat = arm.changes.constants(np.asarray(quantities)[None])[0]
-    k = Constants.unflat(list(flat), arm.parameters.modes_per_link, arm.constants.foreshortened)
+    own = arm.constants
+    k = Constants.unflat(list(flat), arm.parameters.modes_per_link, own.foreshortened, own.dry)
     complete = arm.parameters.velocity_forces == "complete"
 
     def inertia(y: Numbers) -> Any:

@@ -168,7 +168,15 @@ class Lagrangian:
         else:
             damping = [material_time(p) * np.diag(k) for k in self.stiffness]
         dissipation = np.concatenate([p.joint_friction, *damping]) * v
+        dissipation[:2] += self.dry_friction(v[:2])
         return grad(self.strain)(tensor(q)).numpy() + dissipation
+
+    def dry_friction(self, rates: np.ndarray) -> np.ndarray:
+        """Stribeck's curve times the sine of the angle whose tangent is the rate over the smoothing."""
+        p = self.p
+        left = p.stribeck_velocity**2 / (p.stribeck_velocity**2 + rates**2)
+        level = np.array(p.coulomb_friction) + left * p.breakaway_excess
+        return level * np.sin(np.arctan2(rates, p.friction_smoothing))
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Return the generalised forces: the torques work on the joint angles alone."""
@@ -178,6 +186,14 @@ class Lagrangian:
 
 
 # --- random arms and states -------------------------------------------------------------------------------------------
+
+
+DRY: dict[str, Any] = {
+    "coulomb_friction": (4.0, 1.5),
+    "breakaway_excess": (3.0, 0.5),
+    "stribeck_velocity": 0.4,
+    "friction_smoothing": 0.2,
+}
 
 
 def loaded_arm(modes: int, **changes: Any) -> ArmParameters:
@@ -223,6 +239,7 @@ def arms(draw: st.DrawFn) -> ArmParameters:
         damping_ratio=draw(st.floats(0.0, 1.0)),
         damping_model=draw(st.sampled_from(["modal", "material"])),
         joint_friction=two(0.0, 5.0),
+        **draw(st.sampled_from([{}, DRY])),
         velocity_forces=forces,
         mode_scale=draw(st.floats(0.05, 2.0)),
         kinematics=kinematics,
