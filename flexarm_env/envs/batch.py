@@ -120,14 +120,14 @@ class BatchSimulator(LaneBatch):
         """Describe the environments' lanes, with the arrays that only environments have."""
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
-        paths = path_tables(kinds, width)
-        self._path_names, self.first_paths = np.array(paths.names), np.array(paths.first)[kind_of]
+        paths, names, first = path_tables(kinds, width)
+        self._path_names, self.first_paths = np.array(names), np.array(first)[kind_of]
         owns = np.array([lane_numbers(one, variant.program) for one in kinds])
         if len(kinds) > 1 or self.draws.further:
             owns = owns[kind_of[np.minimum(np.arange(width), count - 1)]]
         requests = usual_requests(settings, self.first_paths, (width, self.draws.columns))
         header, table = header_and_settings(kinds, variant.program, self.layout)
-        header[word.PATH_NAMES] = len(paths.names)
+        header[word.PATH_NAMES] = len(names)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
         header[word.REQUEST_COLUMNS] = requests.shape[1]
         arrays: dict[str, NDArray[Any]] = {
@@ -139,7 +139,7 @@ class BatchSimulator(LaneBatch):
             "RESET_REQUESTS": requests,
         }
         slots, tail = max(one.history_slots for one in kinds), tail_rows(kinds, variant.hosted)
-        return Lanes(variant, count, slots, header, table, paths.table, tail, arrays)
+        return Lanes(variant, count, slots, header, table, paths, tail, arrays)
 
     def _link(self) -> None:
         """Make the views of the memory."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,22 +62,12 @@ def _readings_of(settings: Settings) -> int:
     return bits
 
 
-class PathTables(NamedTuple):
-    """Paths of a batch.
-
-    Attributes:
-        table: those of both directions, or memory for one path for each lane. Shape (paths, n, 5).
-        names: of the paths in one direction.
-        first: which of them is the first of each kind of environment.
-    """
-
-    table: Array
-    names: tuple[str, ...]
-    first: list[int]
-
-
-def path_tables(kinds: Sequence[Settings], lanes: int) -> PathTables:
+def path_tables(kinds: Sequence[Settings], lanes: int) -> tuple[Array, tuple[str, ...], list[int]]:
     """Return the paths of some kinds of environments.
+
+    Returns:
+        The table of both directions, or memory for one path for each lane, shape (paths, n, 5); names of the paths in
+        one direction; which of these is the first of each kind.
 
     Raises:
         ValueError: if their paths differ and one has several.
@@ -91,7 +81,7 @@ def path_tables(kinds: Sequence[Settings], lanes: int) -> PathTables:
             points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
             room = np.zeros((lanes, points, 5))
             room[..., 0] = np.arange(points)  # kernels read the lap time before the first path is drawn
-        return PathTables(room, settings.reference, [0] * len(kinds))
+        return room, settings.reference, [0] * len(kinds)
     keys = [repr((one.reference, one.waypoints, one.side, one.start_corner)) for one in kinds]
     distinct = dict(zip(reversed(keys), reversed(kinds), strict=True))
     if len(distinct) > 1 and any(len(one.reference) > 1 for one in kinds):
@@ -99,7 +89,7 @@ def path_tables(kinds: Sequence[Settings], lanes: int) -> PathTables:
     paths = [one.paths for one in distinct.values()]
     names = tuple(name for one in distinct.values() for name in one.reference)
     in_turn = [path for turn in (0, 1) for each in paths for path in each[turn * len(each) // 2 :][: len(each) // 2]]
-    return PathTables(same_length(in_turn), names, [list(distinct).index(key) for key in keys])
+    return same_length(in_turn), names, [list(distinct).index(key) for key in keys]
 
 
 def usual_requests(settings: Settings, first_paths: NDArray[np.int64], shape: tuple[int, int]) -> Array:

@@ -124,7 +124,7 @@ def moved(settings: Any, table: Array, now: Array, given: tuple[Any, Any, Any]) 
     new = np.empty_like(table)
     known = np.count_nonzero(table[:, :-2, 0] < now[:, None], axis=1)
     before = np.maximum(known[:, None] - past + np.arange(past), 0)
-    new[:, :past] = np.take_along_axis(table, before[:, :, None], axis=1)
+    new[:, :past] = table[np.arange(count)[:, None], before]
     new[:, 0, 1:3] -= new[:, 0, 3:] * new[:, 0, :1]
     new[:, 0, 0] = 0.0
     new[:, past] = np.column_stack([now, position, velocity])

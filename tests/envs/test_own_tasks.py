@@ -15,9 +15,6 @@ STILL: dict[str, Any] = {"start": "corner", "elbow_branch": "positive", "scaled"
 CORNERS = [(5.0, 0.0), (5.0, 3.0), (2.0, 5.0), (-2.0, 5.0), (-3.0, 2.0)]
 
 
-# --- paths ------------------------------------------------------------------------------------------------------
-
-
 def test_episodes_draw_from_tables_and_functions_by_name() -> None:
     def roof(time: float) -> tuple[float, float]:
         return 4.0, 3.0 + np.sin(time)
@@ -134,9 +131,6 @@ def test_bad_targets_are_refused() -> None:
         bare(TRACK).set_reference([5.0, 0.0])
 
 
-# --- rewards and ends -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
 def test_rewards_and_ends_are_functions_of_infos(mode: str) -> None:
     """Of the infos of the step that ends an episode; a reset has no reward and ends nothing."""
@@ -170,9 +164,6 @@ def test_weights_below_zero_count_and_are_told() -> None:
         bare(TRACK, reward_weights={"effort": -1.0})
     with pytest.raises(TypeError, match=r"reward\(infos\) = .*: must be an array .* \(1,\)"):
         bare(TRACK, reward=lambda infos: 1.0).step(np.zeros(2))
-
-
-# --- options that last ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
