@@ -156,8 +156,8 @@ def _stop(sides: Array, settings: Any) -> Array:
 
 
 def shown_rows(settings: Any) -> slice:
-    """Return the rows of the way-points that a picture shows: of a target where it was and is."""
-    return slice(0, _past(settings) + 1 if settings.reference == ("target",) else None)
+    """Return the rows of the way-points that a picture shows: all, or where a target has just been."""
+    return slice(_past(settings) - 1, _past(settings) + 1) if settings.reference == ("target",) else slice(None)
 
 
 def _past(settings: Any) -> int:

@@ -43,6 +43,15 @@ def test_environments_of_a_batch_have_their_own_paths() -> None:
         np.testing.assert_allclose(told["reference"], [info["reference"] for info in expected], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("references", "message"),
+    [([["square", "circle"], "line"], "must each have one"), (["square", "moves"], "all environments must have it")],
+)
+def test_paths_that_no_batch_has_together_are_refused(references: list[Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        vector(TRACK, 2, per_env={"reference": references})
+
+
 def test_a_seed_determines_drawn_paths_and_rewards() -> None:
     """An environment of a batch is the single one, to the last bit."""
     own = {
