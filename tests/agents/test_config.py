@@ -49,7 +49,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
     ],
     FileNotFoundError: [({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped")],
     ValueError: [
-        ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0'"),
+        ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Lab-v0'"),
         ({"environment": 3}, r"environment = 3: must be one of"),
         ({"options": {"noise": -1.0}}, r"noise = -1.0: must be"),
         ({"steps": 0}, r"steps = 0: must be an integer >= 1"),
