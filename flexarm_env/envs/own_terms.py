@@ -24,7 +24,9 @@ def judge(simulator: BatchSimulator, infos: InfoMaker, results: NDArray[np.float
     Raises:
         TypeError, ValueError: for what is no number, or truth value, for each environment.
     """
-    settings, known = simulator.settings, infos.quantities(results.copy())
+    settings, seen = simulator.settings, results.view()
+    seen.flags.writeable = False  # infos show the same memory
+    known = infos.quantities(seen)
     rewards, status = (results[:, simulator.parts[name].start] for name in ("REWARD", "STATUS"))
     if settings.reward is not None:
         found = _checked("reward", settings.reward(known), len(results), "fiu", "real numbers")
