@@ -17,7 +17,6 @@ from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
 FURTHER_SENSORS = frozenset({"further sensors"})  # group of the parts that sensors beside that on link 2 need
-MOTORS = frozenset({"motors"})  # group of the parts that motors need
 _ENVIRONMENT = ("environment",)
 
 
@@ -44,7 +43,7 @@ class Shape(NamedTuple):
     def groups(self) -> frozenset[str]:
         """Of the parts that tables have (`layout`)."""
         groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
-        return groups | MOTORS if self.motors else groups
+        return groups | {"motors"} if self.motors else groups
 
     @property
     def size(self) -> int:

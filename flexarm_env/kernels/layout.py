@@ -21,15 +21,7 @@ from operator import attrgetter
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import (
-    CONSTANTS_UNIT,
-    FURTHER_SENSORS,
-    MOTORS,
-    QUANTITIES,
-    SEGMENT_ROWS,
-    STATE_UNIT,
-    Shape,
-)
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, SEGMENT_ROWS, STATE_UNIT, Shape
 from flexarm_env.kernels.tableau import RK4_NODES, STAGES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
@@ -82,7 +74,7 @@ _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _HOSTED = ("hosted",)
 _FURTHER = tuple(FURTHER_SENSORS)
-_MOTORS = tuple(MOTORS)
+_MOTORS = ("motors",)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
