@@ -1,8 +1,8 @@
 """Markdown tables, and the blocks of docs/ that are generated from results.
 
-A page has two kinds of blocks, each up to the next `<!-- end -->`. A *generated* block is a table or a paragraph that a
-study writes; its marker has the name. A *quoting* block is text with figures in it: the marker holds the text as an
-author writes it, with an expression in braces for each figure, as in an f-string.
+A *generated* block is a table or a paragraph that a study writes, from a marker with its name to the next
+`<!-- end -->`. A *quoted* figure stands in the text behind the expression that gives it, as an f-string's field:
+`<!--=expression-->figure<!--/-->`. No line begins with one, or Markdown would take that line as HTML.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexarm_agents.files import write_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-_QUOTING = re.compile(r"(<!-- quoting:\n(.*?)-->\n).*?(<!-- end -->)", re.DOTALL)
+_QUOTED = re.compile(r"(<!--=(.*?)-->).*?(?=<!--/-->)", re.DOTALL)
 
 
 def filled(page: str, tables: Mapping[str, str]) -> str:
@@ -57,17 +57,12 @@ def fill_pages(tables: Mapping[str, str]) -> list[Path]:
 
 
 def quoting(page: str, figures: Mapping[str, Any]) -> str:
-    """Write the text of every quoting block of a page anew.
+    """Write every quoted figure of a page anew.
 
     Raises:
         KeyError, NameError: if the figures lack one that the page quotes.
     """
-
-    def written(block: re.Match[str]) -> str:
-        text = eval(f'f"""{block[2]}"""', dict(figures))
-        return f"{block[1]}{text}{block[3]}"
-
-    return _QUOTING.sub(written, page)
+    return _QUOTED.sub(lambda one: one[1] + eval(f'f"""{{{one[2]}}}"""', dict(figures)), page)
 
 
 def span(values: Iterable[float], digits: int = 1) -> str:

@@ -1,4 +1,4 @@
-"""The figures that texts of docs/ quote: what the expressions in their quoting blocks may use."""
+"""The figures that texts of docs/ quote: what the expressions before them may use."""
 
 from __future__ import annotations
 

@@ -67,13 +67,19 @@ def test_the_page_is_renewed_by_a_part_of_the_checks(tmp_path: Path) -> None:
 def test_a_page_quotes_the_record(name: str) -> None:
     """`make docs` brings it up to date."""
     page = (DOCS / name).read_text()
-    assert "<!-- quoting:" in page
+    assert "<!--=" in page
     assert page == quoting(page, of_validation(RECORD))
 
 
-def test_a_quoting_block_is_written_anew() -> None:
-    page = "a\n<!-- quoting:\nIt is {x:.1f} m, {span([3, 1.25])}.\n-->\nIt is 7 m.\n<!-- end -->\nb\n"
+def test_a_quoted_figure_is_written_anew() -> None:
+    page = "It is <!--=x:.1f-->7<!--/--> m,\nor <!--=span([3, 1.25])-->1<!--/-->.\n"
     figures = {"x": 2.0, "span": span}
-    assert quoting(page, figures) == page.replace("It is 7 m.", "It is 2.0 m, 1.2 to 3.0.")
+    assert quoting(page, figures) == page.replace("7", "2.0").replace("-->1<", "-->1.2 to 3.0<")
     with pytest.raises(NameError, match="x"):
         quoting(page, {"span": span})
+
+
+def test_no_line_begins_with_a_quoted_figure() -> None:
+    """Markdown would take the line as a block of HTML."""
+    for page in (*DOCS.rglob("*.md"), ROOT / "README.md"):
+        assert not re.search(r"^\s*(- )?<!--[=/]", page.read_text(), re.MULTILINE), page
