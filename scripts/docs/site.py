@@ -15,7 +15,7 @@ from pathlib import Path
 
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
-from scripts.docs import widgets
+from scripts.docs import validation, widgets
 from scripts.docs.contents import CHAPTERS, KINDS, MODULES, chapter_page, contents, listing, toctree
 
 ROOT = DOCS.parent
@@ -36,6 +36,8 @@ def lay_out(pages: Path) -> None:
     shown = widgets.board_script(board, widgets.replay_names()), widgets.board_table(board), json.dumps(board)
     for name, text in zip((widgets.BOARD, *widgets.BOARD_DATA), shown, strict=True):
         (pages / widgets.STATIC / name).write_text(text, encoding="utf-8")
+    record = json.loads((DOCS / validation.RECORD).read_text(encoding="utf-8"))
+    (pages / "docs" / validation.ALL).write_text(validation.page_of(record), encoding="utf-8")
     for name in TOP:
         shutil.copy(ROOT / name, pages / (FIRST if name == "README.md" else name))
     for page in pages.rglob("*.md"):
