@@ -128,7 +128,6 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/developers/announcing": "Texts that announce a release.",
             "docs/developers/*": "",
             "docs/validation": "The physics against beams, finite elements and two other engines.",
-            "docs/claims": "Each claim of the paper, and how it was measured.",
             "SECURITY": "How to report a weakness.",
             "CODE_OF_CONDUCT": "How we treat each other.",
         },

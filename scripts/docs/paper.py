@@ -1,4 +1,4 @@
-"""Bring the generated tables and pictures under docs/ up to date from a complete `results/paper`."""
+"""Bring docs/reproduction.md and its pictures up to date from a complete `results/paper`."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from scripts.common.markdown import DOCS, blocks, filled, kept_tables, quoting
 from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
 
-PAGES = ("reproduction.md", "developers/reproduction_tables.md", "claims.md")
+PAGE = "reproduction.md"
 PICTURES = (
     *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
     "rigid_and_true_tip",
     "alternatives",
     "true_tip_feedback",
-    *(f"sweep_{name}" for name in ("constant_gain", "K_s", "K_n", "width_scale")),
+    "sweep_constant_gain",
 )
 
 
 @dataclass
 class Options:
-    """Regenerate the tables and pictures under docs/."""
+    """Regenerate the tables, figures and pictures of docs/reproduction.md."""
 
     results: Path = Path("results/paper")
     """A complete result folder of `python -m scripts.paper` with default options."""
@@ -55,10 +55,9 @@ def main() -> None:
     study = json.loads((options.results / "summary.json").read_text())["study"]
     if study != asdict(Study()):
         sys.exit(f"error: results = {options.results}: made with {study}; the docs show the defaults")
-    for name in PAGES:
-        page = options.docs / name
-        page.write_text(written(page.read_text(), options.results))
-        print(f"{page}: tables up to date")
+    page = options.docs / PAGE
+    page.write_text(written(page.read_text(), options.results))
+    print(f"{page}: tables up to date")
     if options.pictures:
         target = options.docs / "figures"
         target.mkdir(exist_ok=True)

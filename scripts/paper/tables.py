@@ -177,34 +177,12 @@ def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
 
 
 def claims(rows: Sequence[dict[str, Any]]) -> str:
-    """Write each claim with its measure and the figures of every column."""
-    text = ""
+    """Tabulate each claim's sentence, measure and figures on the paper's arm; claims.json has all."""
+    body = []
     for r in rows:
-        text += f"\n### {r['id']}: {r['verdict']}\n\n> {r['quote']}\n\n*Measure:* {r['measure']}.\n"
-        if r["condition"]:
-            text += f"\n*Condition:* {r['condition']}.\n"
-        if r["note"]:
-            text += f"\n*Note:* {r['note']}\n"
-        body = [[TITLES[c], "holds" if r["holds"][c] else "fails", _shown(r["values"][c])] for c in TITLES]
-        gains = r["constant_gain"]
-        for c, found in gains.get("equal_to_mean_of_flsac", {}).items():
-            verdict = "holds" if found["holds"] else "fails"
-            body.append([f"constant gain, FLSAC's mean: {TITLES[c]}", verdict, _shown(found["values"])])
-        alone = {c: found for c, found in r["one_side"]["columns"].items() if found["holds"] is not None}
-        text += "\n" + table(["arm", "", "figures"], body)
-        sides = [
-            f"{'holds' if found['holds'] else 'fails'} on {TITLES[c]} ({len(found['runs'])} of {found['of']} runs)"
-            for c, found in alone.items()
-        ]
-        text += f"\nFrom runs whose elbow keeps its side: {'; '.join(sides)}.\n" if sides else ""
-        if "merit_of_flsac" in gains:
-            up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
-            text += (
-                f"\nBest of {len(gains['gains_tried'])} constant gains on the paper's arm (worst case, smaller is "
-                f"better): {up_to_1['merit']:.3g} with gain {up_to_1['gain']:g} among gains up to 1, "
-                f"{of_all['merit']:.3g} with gain {of_all['gain']:g} among all. FLSAC: {gains['merit_of_flsac']:.3g}.\n"
-            )
-    return text.lstrip("\n")
+        measure = ". ".join(text.rstrip(".") for text in (r["measure"], r["note"]) if text)
+        body.append([r["id"], r["quote"], measure, _shown(r["values"]["paper"])])
+    return table(("claim", "the paper's sentence", "measure", "figures on the paper's arm"), body)
 
 
 def numbers(rows: Sequence[dict[str, Any]]) -> str:
