@@ -26,6 +26,7 @@ def registered_table(results: Any) -> str:
     return table(["name", "controller", "reads", *ERRORS, "source"], lines)
 
 
+TEXT = "Compare controllers on the standard laps."
 STUDIES: dict[str, Study] = {
     **study(
         "scripts.control.trials",
@@ -42,7 +43,7 @@ STUDIES: dict[str, Study] = {
 
 def main() -> None:
     """Command line."""
-    command("control", STUDIES, "Compare controllers on the standard laps.")
+    command("control", STUDIES, TEXT)
 
 
 if __name__ == "__main__":

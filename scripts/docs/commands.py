@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from importlib import import_module
 
 from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
-from flexarm_agents.commands.leaderboard import parser as board
 from flexarm_agents.commands.train import parser as training
 from flexarm_agents.training.config import ALGORITHMS
 from scripts import train as trainings
@@ -22,40 +21,84 @@ from scripts.leaderboard import __main__ as whole_board
 from scripts.learning import __main__ as learning
 
 STUDIES = ("paper", "optimise", "benchmarks", "shipped", "make_dataset")
+DEFAULT = re.compile(r" \(default: (.*)\)$")
 
 
 def text() -> str:
-    """Write a section for each verb of `flexarm` and for each study."""
-    parts = []
+    """Write a section for each verb of `flexarm`, and a table of the studies."""
+    parts: list[str] = []
+    seen: dict[tuple[str, str], str] = {}  # each row, and the command that has it first
     for verb, (name, _) in VERBS.items():
-        parts += section(import_module(f"flexarm_agents.commands.{name}").parser())
+        reader = import_module(f"flexarm_agents.commands.{name}").parser()
+        parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
+        parts.append(algorithms() if verb == "train" else options_table(reader, seen))
         parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
-        if verb == "train":
-            for other in [*ALGORITHMS][1:]:
-                parts += further(f"### `flexarm train --algorithm {other}`", training(), training(other))
+    rows: list[tuple[str, str]] = []
+    for reader in programs():
+        new, old = split(reader, seen)
+        rows += [(f"**`{reader.prog}`**", f"**{about(reader).partition(': nominal')[0].rstrip('.')}.**{old}"), *new]
+    return "\n".join((*parts, "## Programs of a clone\n", table(("option", "meaning"), rows)))
+
+
+def programs() -> Iterator[Reader]:
+    """Yield the parsers of the programs that a clone has."""
     for name in STUDIES:
         package = import_module(f"scripts.{name}")
         module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")
-        parts += section(parser(f"python -m scripts.{name}", module.Options()))
+        yield parser(f"python -m scripts.{name}", module.Options())
     for name, one in {"analysis": analysis, "control": control, "learning": learning}.items():
-        parts += section(parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT))
-    parts += further("## `python -m scripts.leaderboard`, beside `flexarm leaderboard`", board(), whole_board.parser())
-    sweep = parser("python -m scripts.train", trainings.Options())
-    parts += further("## `python -m scripts.train`, beside `flexarm train`", training(), sweep)
-    return "\n".join(parts)
+        yield parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT)
+    yield whole_board.parser()
+    yield parser("python -m scripts.train", trainings.Options())
 
 
-def section(reader: Reader) -> list[str]:
-    """Write the name of a command, what it does, and its options."""
-    about, rows = (reader.description or "").partition("\n\n")[0].split(), list(options(reader))
-    return [f"## `{reader.prog}`\n", f"{' '.join(about)}\n", *([table(("option", "meaning"), rows)] if rows else [])]
+def about(reader: Reader) -> str:
+    """Return what a command does: the first paragraph of its help."""
+    return " ".join((reader.description or "").partition("\n\n")[0].split())
 
 
-def further(title: str, first: Reader, reader: Reader) -> list[str]:
-    """Write the options that a command has beside those of another one."""
-    common = list(options(first))
-    rows = [row for row in options(reader) if row not in common]
-    return [f"{title}\n", table(("option", "meaning"), rows)]
+def options_table(reader: Reader, seen: dict[tuple[str, str], str]) -> str:
+    """Write a command's options; of those that an earlier one has with the same meaning, the names."""
+    new, old = split(reader, seen)
+    return (table(("option", "meaning"), new) if new else "") + (f"\n{old.strip()}\n" if old else "")
+
+
+def split(reader: Reader, seen: dict[tuple[str, str], str]) -> tuple[list[tuple[str, str]], str]:
+    """Return a command's new rows, which come into `seen`, and a sentence with the names of the others."""
+    rows = list(options(reader))
+    old: dict[str, list[str]] = {}
+    for row in rows:
+        if row in seen:
+            old.setdefault(seen[row], []).append(row[0])
+    new = [row for row in rows if row not in seen]
+    seen.update(dict.fromkeys(new, reader.prog))
+    return new, "".join(f" As for `{prog}`: {', '.join(names)}." for prog, names in old.items())
+
+
+def algorithms() -> str:
+    """Write the options of `flexarm train`, with the defaults by algorithm where they differ."""
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    for name in ALGORITHMS:
+        for flags, meaning in options(training(name)):
+            default = DEFAULT.search(meaning)
+            found.setdefault(flags, {})[name] = DEFAULT.sub("", meaning), default[1] if default else ""
+    found = {f"{flags}{_of(of)}": of for flags, of in found.items()}
+    rows = [
+        [flags, *(by_algorithm([one[at] for one in of.values()], of) for at in (0, 1))] for flags, of in found.items()
+    ]
+    return table(("option", "meaning", "default"), rows)
+
+
+def _of(names: Collection[str]) -> str:
+    return "" if len(names) == len(ALGORITHMS) else f" *({', '.join(names)})*"
+
+
+def by_algorithm(texts: list[str], names: Iterable[str]) -> str:
+    """Write the texts of those algorithms that have an option: one alone if all have the same."""
+    of: dict[str, list[str]] = {}
+    for text, name in zip(texts, names, strict=True):
+        of.setdefault(text, []).append(name)
+    return texts[0] if len(of) == 1 else "; ".join(f"*{', '.join(of[one])}*: {one.rstrip('.')}" for one in of if one)
 
 
 def options(reader: Reader) -> Iterator[tuple[str, str]]:
