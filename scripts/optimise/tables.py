@@ -55,16 +55,12 @@ def regulated(reports: Reports) -> str:
 
 
 def drawn(reports: Reports) -> str:
-    """Tabulate the best known runs of `FlexArm/Reach-v0`."""
-    rows = [
-        (
-            str(row["seed"]),
-            *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_max")),
-            f"{row['residual']:.0e}",
-        )
-        for row in reports[DRAWN]
-    ]
-    return table(("seed", "episode r.m.s. [mm]", "largest [mm]", "residual"), rows)
+    """Write the errors of the best known runs of `FlexArm/Reach-v0` as a sentence."""
+    rms, most = ([1e3 * row[key] for row in reports[DRAWN]] for key in ("true_tip_rms", "true_tip_max"))
+    return (
+        f"The best known runs of its first {len(rms)} seeds err by {min(rms):.2f} to {max(rms):.2f} mm (r.m.s.), "
+        f"at most by {max(most):.1f} mm.\n"
+    )
 
 
 def changed(reports: Reports) -> str:

@@ -76,16 +76,16 @@ def costs(cards: Mapping[str, dict[str, Any]]) -> str:
     return table(("agent", "seeds", "environment steps", "minutes, least of the seeds"), rows)
 
 
-def conditions(agent: Trained, names: Iterable[str] = CONDITIONS) -> str:
-    """Tabulate the shipped agent's scores under changed conditions."""
-    return table(
-        ("condition", "lap", *ERRORS),
-        (
-            (condition, lap, *errors(one))
-            for condition, score in condition_scores(agent, names)
-            for lap, one in zip(LAPS, score, strict=True)
-        ),
-    )
+def conditions(agents: Mapping[str, Trained], names: Iterable[str] = CONDITIONS) -> str:
+    """Tabulate the scores of shipped agents under changed conditions."""
+    scores = zip(*(condition_scores(agent, names) for agent in agents.values()), strict=True)
+    head = ("condition", *(f"`{name}`: {lap}" for name in agents for lap in LAPS))
+    return table(head, ([found[0][0], *(_both(lap) for _, score in found for lap in score)] for found in scores))
+
+
+def _both(score: Score) -> str:
+    """Write a lap's errors over the lap / after 2 s."""
+    return " / ".join(errors(score)[:2]) if score.complete else errors(score)[0]
 
 
 def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Iterator[tuple[str, StandardScore]]:
