@@ -20,6 +20,7 @@ VERBS = {
     "render": ("render", "show an episode of a policy in a window, or write a picture or film (extra `render`)"),
     "replay": ("replay", "show a recorded run in a window, or write a picture or film (extra `render`)"),
     "play": ("play", "move delay, sensor and gain while the paper's law runs (extra `render`)"),
+    "identify": ("identify", "fit parameters of an arm, and delays, to recorded torques and readings"),
     "train": ("train", "train an agent: by reward, by a teacher, by derivatives (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }

@@ -36,6 +36,7 @@ EXAMPLES = {
     ),
     "replay": ("flexarm replay lap.npz", "flexarm replay lap.npz --speed 0.25 --output slow.gif --size 400"),
     "play": ("flexarm play", "flexarm play --arm paper --delay 60 --gain 0.5"),
+    "identify": ("flexarm identify run.csv --fit payload_mass damping_ratio delay --delay 0.02",),
     "leaderboard": (
         "flexarm leaderboard --entries ifdc joint_pd --columns nominal delay",
         "flexarm leaderboard --entries ifdc --add my_module:MyPolicy",

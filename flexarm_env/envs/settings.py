@@ -73,16 +73,18 @@ class Settings(Options):
         check_fields(self)
         for name, value in zip(("reference", "waypoints"), settled(self), strict=True):
             object.__setattr__(self, name, value)
-        refuse_options_without_effect(
-            self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
-        )
+        arm = arm_parameters(self.arm)
+        spread = (0.05, 0.05 * (arm.reach / REACH))  # which copies of settings are given by number
+        declared = {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
+        if self.start_spread in (None, spread):
+            declared["start_spread"] = self.start_spread, declared["start_spread"][1]
+        refuse_options_without_effect(self, declared)
         if (lap := lap_of(self.waypoints)) is not None:
             object.__setattr__(self, "lap_time", allowed_of(type(self), "lap_time").check("waypoints[-1][0]", lap))
-        arm = arm_parameters(self.arm)
         if self.sensor_position is None:
             object.__setattr__(self, "sensor_position", arm.link_lengths[1])
         if self.start_spread is None:
-            object.__setattr__(self, "start_spread", (0.05, 0.05 * (arm.reach / REACH)))
+            object.__setattr__(self, "start_spread", spread)
         if self.reward is None and max(self.reward_weights.values()) <= 0.0:
             gymnasium.logger.warn(
                 f"reward_weights = {shown(self.reward_weights)}: no reward is above 0: ending an episode early pays"

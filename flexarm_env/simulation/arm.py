@@ -215,7 +215,8 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
         """
         own = self.parameters
-        return STEP_LIMIT / _fastest_rate(own if damping is None else replace(own, damping_ratio=damping))
+        changed = damping not in (None, own.damping_ratio)
+        return STEP_LIMIT / _fastest_rate(replace(own, damping_ratio=damping) if changed else own)
 
     # --- simulation ------------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -296,6 +296,33 @@ class HeldTorque(ABC):
         complete, k = self.parameters.velocity_forces == "complete", self.constants
         module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, k.foreshortened, k.dry)
         return module, aligned_zeros(words)
+
+
+def step_each(arms: Sequence[HeldTorque], state: Array, torque: Array, period: float, step: float) -> Array:
+    """`HeldTorque.step` of arms that differ in numbers alone, all under the same torques.
+
+    Args:
+        arms: with equal shapes, kinematics and velocity forces.
+        state: of all of them. Shape (n, 4 + 4 m).
+        torque: Shape (n, 2).
+        period: see `HeldTorque.step`.
+        step: see there; the first arm is asked whether it is too long.
+
+    Returns:
+        States, new. Shape (arms, n, 4 + 4 m).
+    """
+    kinds = {
+        (a.parameters.velocity_forces, a.constants.foreshortened, a.constants.dry, len(a._own[0][0])) for a in arms
+    }
+    if len(kinds) != 1:
+        raise ValueError(f"arms of {len(kinds)} kinds; shapes, kinematics and velocity_forces must be equal")
+    h, steps = arms[0]._steps(period, step, None, None)
+    leading = len(arms), len(state)
+    known = np.repeat(np.concatenate([one._own[0] for one in arms]), len(state), axis=0)
+    states = _rows(state, leading)
+    module, arena = arms[0]._kernels(TANGENTS, LANES)
+    cache.call(module.run_steps, arena, known, _rows(torque, leading), h, steps, states)
+    return states.reshape(*leading, -1)
 
 
 @lru_cache

@@ -15,6 +15,7 @@ MAIN = (
     *("flexarm_env.envs.single", "flexarm_env.envs.vector", "flexarm_env.metrics", "flexarm_env.parameters"),
     *(
         "flexarm_env.reference_episode",
+        "flexarm_env.identification",
         "flexarm_env.rollout",
         "flexarm_env.way_points",
         "flexarm_baselines.controller",

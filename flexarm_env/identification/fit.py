@@ -1,0 +1,189 @@
+"""The least-squares problem, its solution and the intervals of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import norm
+
+from flexarm_env.identification.model import LEAST, Model, limits, parameter_names, value_of, with_values
+from flexarm_env.identification.recording import Recording
+from flexarm_env.parameters import MAX_DELAY, ArmParameters
+from flexarm_env.validation import choice, number, shown
+
+Array = NDArray[np.float64]
+CONFIDENCE = 0.95
+FAR = 1e6  # a residual, where there is none
+ROUNDS = 4  # in which the noise of each channel is estimated anew
+
+
+class Identified(NamedTuple):
+    """What was found.
+
+    Attributes:
+        arm: with the fitted parameters.
+        values: of what was fitted, by name.
+        deviations: their standard deviations.
+        intervals: of 95 % confidence.
+        noise: r.m.s. of what is left in each channel, by name [unit of the channel].
+        explained: share of each channel's variance that the model explains.
+    """
+
+    arm: ArmParameters
+    values: dict[str, float]
+    deviations: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    noise: dict[str, float]
+    explained: dict[str, float]
+
+
+def identify(
+    recordings: Sequence[Recording],
+    arm: ArmParameters,
+    names: Sequence[str],
+    *,
+    delay: float = 0.0,
+    actuation_delay: float = 0.0,
+    sensor_position: float | None = None,
+    window: float = 2.0,
+) -> Identified:
+    """Fit parameters to recordings.
+
+    Args:
+        recordings: with equal periods and channels.
+        arm: whose other parameters are known; where the search begins. A parameter at 0 begins at 1e-9.
+        names: what is fitted, of `parameter_names`.
+        delay: of the tip's reading [s]; where the search begins, if it is fitted.
+        actuation_delay: from a torque to its effect [s]; likewise.
+        sensor_position: of the late sensor on link 2 [m]; None: at the tip.
+        window: a record is cut into windows as long as this, each with a state of its own, so that what the model lacks
+            does not add up [s].
+
+    Raises:
+        ValueError: for a bad argument, or parameters that the recordings do not tell apart.
+    """
+    for name in names:
+        choice("names", name, parameter_names())
+    if not names or len(set(names)) < len(names) or not recordings:
+        raise ValueError(f"names = {shown(names)}, {len(recordings)} recordings: give each name once, and recordings")
+    known = {
+        "delay": number("delay", delay, "s", least=0.0, most=MAX_DELAY),
+        "actuation_delay": number("actuation_delay", actuation_delay, "s", least=0.0, most=MAX_DELAY),
+    }
+    torque, measured, period = _windows(recordings, number("window", window, "s", above=0.0))
+    model = Model(names, torque, period, known, sensor_position)
+    start = np.array([max(LEAST, (known[name] if name in known else value_of(arm, name))) for name in names])
+    noise = {name: max(1e-12, 0.01 * float(np.nanstd(values))) for name, values in measured.items()}
+    unknown = np.concatenate([start, model.first_states(arm, measured).ravel()])
+    bounds = np.repeat([[-np.inf], [np.inf]], len(unknown), axis=1)
+    bounds[:, : len(names)] = np.transpose([limits(name) for name in names])
+    for _ in range(ROUNDS):
+        fit = Fit(model, arm, names, measured, noise)
+        unknown = least_squares(
+            fit.residuals, unknown, fit.jacobian, bounds, x_scale="jac", ftol=1e-7, xtol=1e-10, max_nfev=60
+        ).x
+        left = fit.left(unknown)
+        former, noise = noise, {name: max(1e-12, float(np.sqrt(np.nanmean(r**2)))) for name, r in left.items()}
+        if all(abs(noise[name] / former[name] - 1.0) < 0.02 for name in noise):
+            break
+    fit = Fit(model, arm, names, measured, noise)
+    slopes = fit.jacobian(unknown)
+    scale = np.linalg.norm(slopes, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, size, directions = np.linalg.svd(slopes / scale, full_matrices=False)
+    seen = size > 1e-10 * size[0]
+    if np.any(np.abs(directions[~seen, : len(names)]) > 1e-6):  # parts of first states may stay unknown
+        raise ValueError(f"names = {shown(list(names))}: the recordings do not tell them apart; fit fewer of them")
+    deviation = (np.linalg.norm(directions[seen] / size[seen, None], axis=0) / scale)[: len(names)]
+    width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
+    values = unknown[: len(names)]
+    return Identified(
+        arm=with_values(arm, dict(zip(names, values, strict=True))),
+        values=dict(zip(names, values.tolist(), strict=True)),
+        deviations=dict(zip(names, deviation.tolist(), strict=True)),
+        intervals={n: (float(v - w), float(v + w)) for n, v, w in zip(names, values, width, strict=True)},
+        noise=noise,
+        explained={name: 1.0 - (noise[name] / float(np.nanstd(measured[name]))) ** 2 for name in noise},
+    )
+
+
+class Fit:
+    """The least-squares problem: residuals in units of the noise, by parameters and first states."""
+
+    def __init__(
+        self,
+        model: Model,
+        arm: ArmParameters,
+        names: Sequence[str],
+        measured: Mapping[str, Array],
+        noise: Mapping[str, float],
+    ) -> None:
+        self._model, self._arm, self._names, self._measured, self._noise = model, arm, names, measured, noise
+        self._latest: tuple[Array, Array, Array] | None = None
+
+    def left(self, unknown: Array) -> dict[str, Array]:
+        """Return what the model leaves of each channel. Shape (windows, n, 2)."""
+        return {name: one for name, (one, _) in self.parts(unknown).items()}
+
+    def residuals(self, unknown: Array) -> Array:
+        """Return residuals whose squares have the sum of all those of the readings."""
+        return self._problem(unknown)[0]
+
+    def jacobian(self, unknown: Array) -> Array:
+        """Return their derivatives by what is unknown."""
+        return self._problem(unknown)[1]
+
+    def parts(self, unknown: Array) -> dict[str, tuple[Array, Array]]:
+        """Return what the model leaves of each channel, Shape (windows, n, 2), and its derivatives."""
+        values = dict(zip(self._names, unknown[: len(self._names)].tolist(), strict=True))
+        states = unknown[len(self._names) :].reshape(len(self._model.torque), -1)
+        read, slopes = self._model.readings(with_values(self._arm, values), states, values)
+        return {name: (read[name][..., 0] - y, slopes[name]) for name, y in self._measured.items()}
+
+    def _problem(self, unknown: Array) -> tuple[Array, Array]:
+        """Return residuals and Jacobian; those of a window are turned so that few rows are left, of the same norm."""
+        if self._latest is None or not np.array_equal(self._latest[0], unknown):
+            count = len(self._model.torque)
+            try:
+                found = self.parts(unknown)
+            except (FloatingPointError, ValueError):  # an arm that cannot be simulated: the search turns back
+                if self._latest is None:
+                    raise
+                self._latest = unknown.copy(), np.full_like(self._latest[1], FAR), np.zeros_like(self._latest[2])
+                return self._latest[1:]
+            parts = [
+                np.concatenate([slopes, one[..., None]], axis=-1).reshape(count, -1, slopes.shape[-1] + 1)
+                / self._noise[name]
+                for name, (one, slopes) in found.items()
+            ]
+            rows = np.concatenate(parts, axis=1)
+            rows[~np.isfinite(rows).all(axis=-1)] = 0.0
+            short = np.linalg.qr(rows, mode="r")
+            fitted, size = len(self._names), short.shape[-1] - 1 - len(self._names)
+            jacobian = np.zeros((count, short.shape[1], fitted + count * size))
+            jacobian[..., :fitted] = short[..., :fitted]
+            for n in range(count):
+                jacobian[n, :, fitted + n * size : fitted + (n + 1) * size] = short[n, :, fitted:-1]
+            whole = jacobian.reshape(-1, jacobian.shape[-1])
+            self._latest = unknown.copy(), short[..., -1].ravel(), whole
+        return self._latest[1:]
+
+
+def _windows(recordings: Sequence[Recording], window: float) -> tuple[Array, dict[str, Array], float]:
+    """Cut recordings into windows: torques, readings, Shape (windows, n, 2) each, and the period."""
+    first = recordings[0]
+    if any(one.channels != first.channels or abs(one.period / first.period - 1.0) > 1e-3 for one in recordings):
+        raise ValueError("recordings: must all have the same channels and the same period")
+    size = max(2, round(min(window, *(one.period * len(one.torque) for one in recordings)) / first.period))
+
+    def cut(values: Array) -> list[Array]:
+        return [values[n : n + size] for n in range(0, len(values) - size + 1, size)]
+
+    def whole(name: str) -> Array:
+        return np.array([part for one in recordings for part in cut(getattr(one, name))])
+
+    return whole("torque"), {name: whole(name) for name in first.channels}, first.period

@@ -1,0 +1,130 @@
+"""What was recorded of an arm: arrays, files, and experiments in an environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.validation import number, real_array
+
+Array = NDArray[np.float64]
+CHANNELS = {"joint": "rad", "deflection": "m", "tip": "m"}  # what is read, each of two numbers, with its unit
+COLUMNS = ("time", *(f"{name}_{n}" for name in ("torque", *CHANNELS) for n in (1, 2)))  # of a file
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was recorded of an arm, at equal intervals. A reading that is missing is NaN; a channel may be None.
+
+    Attributes:
+        period: between instants [s].
+        torque: of shoulder and elbow, held from each instant to the next [N m]. Shape (n, 2).
+        joint: encoders' theta1, theta2 [rad]. Shape (n, 2).
+        deflection: of each link's tip off its root tangent, from strain gauges [m]. Shape (n, 2).
+        tip: what the late sensor on link 2 read, x and y [m]. Shape (n, 2).
+    """
+
+    period: float
+    torque: Array
+    joint: Array | None = None
+    deflection: Array | None = None
+    tip: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Check the arrays.
+
+        Raises:
+            ValueError: for a bad one, naming it.
+        """
+        number("period", self.period, "s", above=0.0)
+        for name in ("torque", *CHANNELS):
+            values = getattr(self, name)
+            if values is None and name != "torque":
+                continue
+            array = real_array(name, values)
+            if array.ndim != 2 or array.shape != (len(self.torque), 2):
+                raise ValueError(f"{name}: must have shape ({len(self.torque)}, 2), got {array.shape}")
+            object.__setattr__(self, name, array)
+        if not np.all(np.isfinite(self.torque)):
+            raise ValueError("torque: must be finite at all instants")
+        if not self.channels:
+            raise ValueError(f"a recording without readings: one of {', '.join(CHANNELS)} is needed")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels that it has."""
+        return tuple(name for name in CHANNELS if getattr(self, name) is not None)
+
+    def save(self, path: str | Path) -> None:
+        """Write a CSV file with a header of `COLUMNS`, as far as there are such channels."""
+        parts = {"torque": self.torque, **{name: getattr(self, name) for name in self.channels}}
+        header = ["time", *(f"{name}_{n}" for name in parts for n in (1, 2))]
+        rows = np.column_stack([self.period * np.arange(len(self.torque)), *parts.values()])
+        np.savetxt(path, rows, "%.9g", delimiter=",", header=",".join(header), comments="")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Recording:
+        """Read what `save` writes.
+
+        Raises:
+            OSError, ValueError: for a file that is not one, or whose instants are not equally far apart.
+        """
+        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float)
+        given = table.dtype.names or ()
+        missing = [name for name in COLUMNS[:3] if name not in given]
+        strange = [name for name in given if name not in COLUMNS]
+        if missing or strange or table.ndim != 1 or len(table) < 2:
+            raise ValueError(f"{path}: must be a table of {', '.join(COLUMNS)}; missing {missing}, unknown {strange}")
+        steps = np.diff(table["time"])
+        if not np.all(np.abs(steps - steps.mean()) < 0.01 * steps.mean()):
+            raise ValueError(
+                f"{path}: time: instants must be equally far apart, got {steps.min():g} to {steps.max():g} s"
+            )
+        parts = {
+            name: np.stack([table[f"{name}_1"], table[f"{name}_2"]], axis=1)
+            for name in ("torque", *CHANNELS)
+            if f"{name}_1" in given and f"{name}_2" in given
+        }
+        return cls(float(steps.mean()), **parts)
+
+
+def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -> Recording:
+    """Play torques to an environment of `FlexArmEnv` from rest, and record what its sensors read, with delay and noise.
+
+    Args:
+        env: with ``action_mode="torque"``, ``scaled=False``, ``frame="world"``, and in its observation one or more of
+            the blocks joint_angles, modal_coordinates and sensed_position. ``error_limit=None`` lets it leave its path.
+        torque: [N m]. Shape (n, 2).
+        seed: of the episode.
+
+    Returns:
+        The recording; it ends before an instant at which the episode ends.
+
+    Raises:
+        ValueError: for another environment, or torques beyond its limits.
+    """
+    inner: Any = env.unwrapped
+    settings, torques = inner.settings, real_array("torque", torque)
+    if (settings.action_mode, settings.scaled, settings.frame) != ("torque", False, "world"):
+        raise ValueError('env: must have action_mode="torque", scaled=False, frame="world"')
+    if np.any(np.abs(torques) > settings.motor_limit):
+        raise ValueError(f"torque: must be at most {settings.motor_limit} N m, got {np.abs(torques).max(axis=0)}")
+    blocks, rows = inner.observation_blocks, []
+    observation, _ = env.reset(seed=seed, options={"start": "corner"})
+    for one in torques:
+        rows.append(observation.astype(float))
+        observation, _, terminated, truncated, _ = env.step((one / settings.motor_limit).astype(np.float32))
+        if terminated or truncated:
+            break
+    read = np.array(rows)
+    parts = {"joint": "joint_angles", "deflection": "modal_coordinates", "tip": "sensed_position"}
+    channels = {name: read[:, blocks[block]] for name, block in parts.items() if block in blocks}
+    if "deflection" in channels:
+        gauges = channels["deflection"]
+        channels["deflection"] = inner.arm.tip_deflection(np.pad(gauges, ((0, 0), (2, 0))))
+    return Recording(settings.control_period, torques[: len(rows)], **channels)

@@ -1,0 +1,156 @@
+"""Identification: derivatives, estimates and their intervals, recordings as files, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from flexarm_agents.commands.identify import run
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.identification import Recording, identify, record, simulated
+from flexarm_env.identification.fit import Fit
+from flexarm_env.identification.model import Model
+from flexarm_env.identification.recording import CHANNELS
+from tests.support.envs import bare
+
+ARM = ArmParameters(payload_mass=0.4, damping_ratio=0.015, joint_friction=(2.0, 1.0))
+PERIOD, LATE, MOTORS = 0.01, 0.0187, 0.0042
+TIME = PERIOD * np.arange(80)
+TORQUE = np.stack(
+    [30 * np.sin(7 * TIME) + 20 * np.sign(np.sin(19 * TIME)), 12 * np.sin(12 * TIME) + 8 * np.sign(np.sin(27 * TIME))],
+    1,
+)
+START = np.zeros(16)
+START[1] = 0.8
+SCALE = {"joint": 1e-3, "deflection": 3e-3, "tip": 5e-3}
+
+
+@pytest.fixture(scope="module")
+def clean() -> Recording:
+    """Return what sensors without noise read of `ARM`."""
+    return simulated(ARM, START, TORQUE, PERIOD, delay=LATE, actuation_delay=MOTORS)
+
+
+def noisy(clean: Recording, seed: int) -> Recording:
+    """Return readings with white noise of `SCALE`."""
+    rng = np.random.default_rng(seed)
+    return replace(clean, **{n: getattr(clean, n) + SCALE[n] * rng.normal(size=TORQUE.shape) for n in CHANNELS})
+
+
+def test_readings_are_those_of_the_simulated_arm(clean: Recording) -> None:
+    """Seen at a time step that divides the delays. A spline smooths a step of the torque over a node of 2.5 ms."""
+    arm = FlexibleArm(ARM)
+    path = arm.simulate(START, np.repeat(TORQUE, 100, axis=0), 0.8, step=1e-4)
+    when = np.round((TIME[3:] - MOTORS) / 1e-4).astype(int)
+    np.testing.assert_allclose(clean.joint[3:], path.state[when, :2], atol=1e-4)  # type: ignore[index]
+    np.testing.assert_allclose(clean.deflection[3:], arm.tip_deflection(path.state[when, :8]), atol=1e-3)  # type: ignore[index]
+    when = np.round((TIME[3:] - MOTORS - LATE) / 1e-4).astype(int)
+    np.testing.assert_allclose(clean.tip[3:], path.tip[when], atol=1e-3)  # type: ignore[index]
+    assert np.isnan(clean.tip[:3]).all()  # type: ignore[index]
+
+
+def test_derivatives_are_those_of_the_residuals(clean: Recording) -> None:
+    names = ["payload_mass", "joint_friction_2", "link_lengths_1", "actuation_delay", "delay"]
+    measured = {n: getattr(clean, n)[None, :20] for n in CHANNELS}
+    model = Model(names, TORQUE[None, :20], PERIOD, {"delay": 0.0, "actuation_delay": 0.0}, 4.5)
+    fit = Fit(model, ARM, names, measured, dict.fromkeys(CHANNELS, 1.0))
+    at = np.concatenate([[0.4, 1.0, 4.5, MOTORS, LATE], START])
+
+    def flat(unknown: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return np.concatenate([left.ravel() for left in fit.left(unknown).values()])
+
+    slopes = np.concatenate([s[..., : at.size].reshape(-1, at.size) for _, s in fit.parts(at).values()])
+    for n in (0, 1, 2, 3, 4, 6, 9, 20):
+        change = 1e-5 * np.eye(at.size)[n] * max(abs(at[n]), 1e-2)
+        expected = (flat(at + change) - flat(at - change)) / (2.0 * change[n])
+        known = np.isfinite(expected)
+        scale = np.abs(expected[known]).max()
+        np.testing.assert_allclose(slopes[known, n], expected[known], atol=1e-5 * scale)  # differences of differences
+
+
+def test_values_without_noise_are_found(clean: Recording) -> None:
+    start = replace(ARM, payload_mass=0.1, damping_ratio=0.03)
+    names = ["payload_mass", "damping_ratio", "delay", "actuation_delay"]
+    found = identify([clean], start, names, delay=0.01, window=0.4)
+    expected = [0.4, 0.015, LATE, MOTORS]
+    np.testing.assert_allclose(list(found.values.values()), expected, rtol=1e-3)
+    assert (found.arm.payload_mass, found.arm.joint_friction) == (found.values["payload_mass"], (2.0, 1.0))
+
+
+@pytest.mark.slow
+def test_intervals_of_95_percent_hold_true_values_as_often() -> None:
+    """In 100 recordings; counts that 95 % give less often than once in 10,000 are refused."""
+    names = {"payload_mass": 0.4, "damping_ratio": 0.015, "joint_friction_2": 1.0}
+    clean = simulated(ARM, START, TORQUE, PERIOD)
+    held = dict.fromkeys(names, 0)
+    for seed in range(100):
+        found = identify([noisy(clean, seed)], ARM, list(names))
+        for name, (low, high) in found.intervals.items():
+            held[name] += low <= names[name] <= high
+    logging.getLogger(__name__).info("true values within their intervals, of 100: %s", held)
+    fewest, most = binom.ppf([0.5e-4, 1.0 - 0.5e-4], 100, 0.95)
+    assert all(fewest <= count <= most for count in held.values()), held
+
+
+def test_a_file_holds_a_recording(tmp_path: Path, clean: Recording) -> None:
+    clean.save(tmp_path / "run.csv")
+    read = Recording.load(tmp_path / "run.csv")
+    assert read.period == pytest.approx(PERIOD)
+    for name in ("torque", *CHANNELS):
+        np.testing.assert_allclose(getattr(read, name), getattr(clean, name), atol=1e-8)
+
+
+def test_the_command_writes_what_it_finds(tmp_path: Path, clean: Recording, capsys: pytest.CaptureFixture[str]) -> None:
+    replace(clean, tip=None).save(tmp_path / "run.csv")
+    arm = json.dumps({"damping_ratio": 0.015, "joint_friction": [2.0, 1.0], "payload_mass": 0.3})
+    known = ["--actuation-delay", str(MOTORS), "--output", str(tmp_path / "found.json")]
+    run([str(tmp_path / "run.csv"), "--fit", "payload_mass", "--arm", arm, *known])
+    assert json.loads((tmp_path / "found.json").read_text())["arm"]["payload_mass"] == pytest.approx(0.4, rel=1e-3)
+    assert "payload_mass" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_an_environment_is_recorded() -> None:
+    blocks = ("sensed_position", "joint_angles")
+    env = bare("FlexArm/Square-v0", scaled=False, frame="world", observation=blocks, arm={"modes_per_link": 1})
+    run = record(env, TORQUE[:3], seed=1)
+    env.reset(seed=1, options={"start": "corner"})
+    for torque, joint in zip(TORQUE[:2], run.joint[1:], strict=True):  # type: ignore[index]
+        observation = env.step((torque / (150.0, 50.0)).astype(np.float32))[0]
+        np.testing.assert_array_equal(observation[2:], joint.astype(np.float32))
+    assert run.channels == ("joint", "tip")
+
+
+SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: identify([SOME], ARM, ["mass"]), "names = 'mass': must be one of"),
+        (lambda: identify([SOME], ARM, []), "give each name once"),
+        (lambda: identify([SOME], ARM, ["payload_mass"], delay=-1.0), "delay = -1.0"),
+        (lambda: identify([SOME], ARM, ["payload_mass"], window=0.0), "window = 0.0"),
+        (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
+        (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
+        (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
+        (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
+    ],
+)
+def test_bad_input_is_refused(call: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize("text", ["time,torque_1\n0,1\n1,1\n", "time,torque_1,torque_2,speed\n0,1,1,1\n1,1,1,1\n"])
+def test_another_table_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(ValueError, match=r"missing .*unknown"):
+        Recording.load(tmp_path / "run.csv")
