@@ -299,23 +299,17 @@ class HeldTorque(ABC):
 
 
 def step_each(arms: Sequence[HeldTorque], state: Array, torque: Array, period: float, step: float) -> Array:
-    """`HeldTorque.step` of arms that differ in numbers alone, all under the same torques.
+    """Return `HeldTorque.step` of arms that differ in numbers alone. Shape (arms, n, 4 + 4 m).
 
     Args:
-        arms: with equal shapes, kinematics and velocity forces.
+        arms: the first is asked whether the step is too long.
         state: of all of them. Shape (n, 4 + 4 m).
-        torque: Shape (n, 2).
+        torque: on all of them. Shape (n, 2).
         period: see `HeldTorque.step`.
-        step: see there; the first arm is asked whether it is too long.
-
-    Returns:
-        States, new. Shape (arms, n, 4 + 4 m).
+        step: see there.
     """
-    kinds = {
-        (a.parameters.velocity_forces, a.constants.foreshortened, a.constants.dry, len(a._own[0][0])) for a in arms
-    }
-    if len(kinds) != 1:
-        raise ValueError(f"arms of {len(kinds)} kinds; shapes, kinematics and velocity_forces must be equal")
+    if len(kinds := {(len(one._own[0][0]), one.parameters.velocity_forces, one.constants.dry) for one in arms}) != 1:
+        raise ValueError(f"arms of {len(kinds)} kinds; shapes, kinematics and forces must be the same")
     h, steps = arms[0]._steps(period, step, None, None)
     leading = len(arms), len(state)
     known = np.repeat(np.concatenate([one._own[0] for one in arms]), len(state), axis=0)

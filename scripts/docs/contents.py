@@ -76,7 +76,6 @@ CHAPTERS: Mapping[str, Chapter] = {
         {
             "docs/training": "Train, resume and evaluate agents on the command line.",
             "docs/how_to/sensors": "Place, delay and noise of the sensors, and what a policy observes.",
-            "docs/how_to/published_arms": "Arms of laboratories and papers by name, with sources and assumptions.",
             "docs/how_to/identify": "Parameters of an arm, and delays, from recordings, with intervals.",
             "docs/how_to/randomise": "Draw arm, sensors and task for each episode, and read what was drawn.",
             "docs/how_to/own_task": "A path, a reward and an id of your own.",
@@ -94,6 +93,7 @@ CHAPTERS: Mapping[str, Chapter] = {
         "Every environment, controller, score, function and version.",
         {
             "docs/environments/README": "All ids and their options, observations, actions and rewards.",
+            "docs/how_to/published_arms": "Arms of laboratories and papers by name, with sources and assumptions.",
             "docs/controllers": "The controllers by name, and how to run them.",
             "docs/agents": "The trained policies that ship, and their scores.",
             "docs/metrics": "The figures that describe a run.",
