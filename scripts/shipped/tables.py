@@ -43,13 +43,18 @@ def scores(names: Iterable[str]) -> str:
     }
     details = ("torque change per step [N m]", "elbow changes", "peak deflection [m]", "peak torque [N m]")
     return table(
-        ("policy", "environment", "lap", *ERRORS, *details),
+        ("policy", "environment", f"{'; '.join(LAPS)}: {', '.join(ERRORS)}", *details),
         (
-            (policy, environment, lap, *errors(one), *_details(one))
+            (policy, environment, *("; ".join(lap) for lap in zip(*map(_cells, score), strict=True)))
             for (policy, environment), score in found.items()
-            for lap, one in zip(LAPS, score, strict=True)
         ),
     )
+
+
+def _cells(score: Score) -> tuple[str, ...]:
+    """Write a lap's errors and details."""
+    details = pair(score.torque_change, 1), str(score.elbow_changes), pair(score.peak_deflection, 2)
+    return (" / ".join(errors(score)), *details, pair(score.peak_torque, 0))
 
 
 def _nominal(agent: Trained) -> StandardScore:
@@ -103,12 +108,3 @@ def errors(score: Score) -> tuple[str, ...]:
     if not score.complete:
         return (f"lost: {score.ended} after {score.duration:.1f} s", "lost", "lost")
     return tuple(map(millimetres, (score.rms, score.rms_after_2s, score.maximum)))
-
-
-def _details(score: Score) -> tuple[str, ...]:
-    return (
-        pair(score.torque_change, 1),
-        str(score.elbow_changes),
-        pair(score.peak_deflection, 2),
-        pair(score.peak_torque, 0),
-    )

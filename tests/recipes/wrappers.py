@@ -176,7 +176,7 @@ BATCH = (
     ),
 )
 VECTORS: dict[str, dict[str, Any]] = {
-    "`make_vec(id, n)`: the batch": {},
+    "`make_vec(id, n)` (the batch)": {},
     '`vectorization_mode="sync"`': {"vectorization_mode": "sync"},
     '`vectorization_mode="async"`, processes forked': {
         "vectorization_mode": "async",
@@ -190,17 +190,15 @@ VECTORS: dict[str, dict[str, Any]] = {
 
 
 def tables() -> str:
-    """Write the tables of the page."""
-    parts = []
-    for title, rows, where in (
-        ("One environment", SINGLE, "gymnasium.wrappers"),
-        ("A batch", BATCH, "gymnasium.wrappers.vector"),
-    ):
-        lines = [[f"`{row.name}`", row.result] for row in rows]
-        parts.append(f"## {title}: `{where}`\n\n{table(['wrapper', 'what is seen'], lines)}")
-    vectors = [[name, "bitwise what the batch gives"] for name in VECTORS]
-    parts.append(f"## Several environments\n\n{table(['made by', 'what is seen'], vectors)}")
-    return "\n".join(parts)
+    """Write the table of the page, and the sentence of the vectors."""
+    single, batch = ({row.name: row.result for row in rows} for rows in (SINGLE, BATCH))
+    rows = []
+    for name in {**single, **batch}:
+        same = "the same" if batch.get(name) == single.get(name) else batch.get(name, "")
+        rows.append([f"`{name}`", single.get(name, ""), same])
+    head = ["wrapper", "of one environment (`gymnasium.wrappers`)", "of a batch (`gymnasium.wrappers.vector`)"]
+    vectors = f"Several environments give the same bits, made by {'; '.join(VECTORS)}.\n"
+    return f"{table(head, rows)}\n{vectors}"
 
 
 HEAD = """# Gymnasium's wrappers and vectors
