@@ -76,10 +76,10 @@ class Task:
         if settings.frame != "world":
             raise ValueError(f"env: Cartesian blocks must be in the world's frame, got frame = {settings.frame!r}")
         paths = dict(zip(DIRECTIONS, settings.paths, strict=False))
-        if len(settings.paths) != len(DIRECTIONS) or settings.direction not in paths:
+        if settings.has_own_path or len(settings.paths) != len(DIRECTIONS) or settings.direction not in paths:
             raise ValueError(
-                f"env: must have one reference in one direction, got reference = {settings.reference!r}, "
-                f"direction = {settings.direction!r}"
+                f"env: must have one reference in one direction, got reference = {settings.reference!r}, direction = "
+                f"{settings.direction!r}, randomisation of {', '.join(settings.randomisation) or 'nothing'}"
             )
         return cls(
             arm=settings.flexible_arm.parameters,

@@ -133,8 +133,8 @@ class FlexArmEnvBase:
 
     @property
     def lap_steps(self) -> int:
-        """Control periods in a lap."""
-        return max(1, round(self.settings.lap_time / self.settings.control_period))
+        """Control periods in a lap; in the longest, where episodes draw it."""
+        return max(1, round(self.settings.laps[1] / self.settings.control_period))
 
     # --- what later steps and episodes take --------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ from flexarm_env.envs.kernel_inputs import (
     usual_requests,
 )
 from flexarm_env.envs.observation import common_layout, shape_of
-from flexarm_env.envs.own_paths import first_rows, moved, shown_rows
+from flexarm_env.envs.own_paths import moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import States, Views, Words
@@ -176,14 +176,14 @@ class BatchSimulator(LaneBatch):
         """Request that the next step begins episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
-        for i, key in zip(which.tolist(), keys.tolist(), strict=True) if self.settings.path_rows else ():
-            self._paths[i] = first_rows(self.each[i], key, self._paths.shape[1])
         usual, drawing = reset_requests is self.usual_requests, not self.draws.nothing
         if drawing or not (usual and self._usual):  # the memory holds the usual requests until others are written
             self._usual = False
             self._reset_requests[which] = self.draws.completed(reset_requests[which], keys, which)
             if self.draws.further:
                 self._put_constants(which)
+        for i, key in zip(which.tolist(), keys.tolist(), strict=True) if self.settings.path_rows else ():
+            self._paths[i] = self.draws.path(self._reset_requests[i], i, key, self._paths.shape[1])
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
             self._header[word.READINGS] = ALL_READINGS
 
@@ -254,7 +254,7 @@ class BatchSimulator(LaneBatch):
             *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
             *(self.observations, self._paths, self._reset_requests[:, self.draws.first :]),
         )
-        return States(views, self._variant, self._fixed, len(self._plant_state()), not self.settings.paths)
+        return States(views, self._variant, self._fixed, len(self._plant_state()), self.settings.has_own_path)
 
     def _plant_state(self) -> Array:
         """Return what another engine's plant adds to a state. Shape (k,)."""
@@ -283,6 +283,8 @@ class BatchSimulator(LaneBatch):
 
     def _chosen_paths(self) -> NDArray[np.int64]:
         """Return the index of the path that each environment follows. Shape (N,)."""
+        if self.settings.paths and (column_of := self.draws.chosen_path):
+            return self._reset_requests[: self.count, column_of].astype(np.int64)
         return self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
 
     def path(self, index: int) -> Array:

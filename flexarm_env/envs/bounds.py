@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_env.envs.choices import MOVE_RING, REACH
+from flexarm_env.envs.corners import worst
 from flexarm_env.envs.own_paths import largest_speed
 from flexarm_env.envs.sensors import LINK_2, Sensor, mounting
 from flexarm_env.envs.settings import Settings
@@ -97,10 +98,10 @@ def check_moving_start(settings: Settings, start: str) -> None:
     """
     if start not in ("moving", "mix"):
         return
-    asked = _reference_joint_rate(settings, reach_of(settings))
+    asked = _reference_joint_rate(settings, reach_of(worst(settings, lambda one: reach_of(one).speed)))
     if asked > RATE_LIMIT:
         raise ValueError(
-            f"start = {start!r} with lap_time = {settings.lap_time} s: the reference may ask for {asked:.4g} rad/s "
+            f"start = {start!r} with lap_time = {settings.laps[0]} s: the reference may ask for {asked:.4g} rad/s "
             f"of a joint, and {RATE_LIMIT:g} end an episode; give a longer lap_time, or start at rest"
         )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from flexarm_env.envs.choices import MOVE_POINTS
 from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
 from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
@@ -132,6 +133,8 @@ def _refuse_contradictions(settings: Any) -> None:
             f"lap_time = {settings.lap_time} s: must be at least {FEWEST_PERIODS} control periods "
             f"({FEWEST_PERIODS * settings.control_period} s) for moves there and back"
         )
+    if "lap_time" in settings.randomisation:
+        _refuse_laps(settings)
     if settings.mode.shifts:
         periods = settings.actuation_delay / settings.control_period
         if abs(periods - round(periods)) > 1e-6 or "actuation_delay" in settings.randomisation:
@@ -139,6 +142,20 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
+
+
+def _refuse_laps(settings: Any) -> None:
+    """Refuse that episodes draw the time of a lap where it is fixed."""
+    label, shortest = "randomisation['lap_time']", settings.laps[0]
+    if lap_of(settings.waypoints) is not None:
+        raise ValueError(f"{label}: the way-points have times, or are a function of it; must be left out")
+    if settings.reference == ("target",):
+        raise ValueError(f"{label}: a target that is moved has no lap; must be left out")
+    if settings.reference == ("moves",) and min(shortest, settings.lap_time) < MOVE_POINTS * settings.control_period:
+        raise ValueError(
+            f"{label}, lap_time: must be at least {MOVE_POINTS} control periods "
+            f"({MOVE_POINTS * settings.control_period:g} s) for moves, got {min(shortest, settings.lap_time)} s"
+        )
 
 
 FEWEST_PERIODS = 40  # of a lap of moves: ten for each

@@ -19,10 +19,11 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import STRIDE, mixed_bits
 from flexarm_env.envs.corners import ends, further_draws
 from flexarm_env.envs.distributions import ends_of, quantiles
-from flexarm_env.envs.kernel_inputs import fixed_rows, lane_numbers
+from flexarm_env.envs.kernel_inputs import DIRECTION_CODES, fixed_rows, lane_numbers
 from flexarm_env.envs.options import checked_ranges, each_of
+from flexarm_env.envs.own_paths import OF_EACH, first_rows
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.reset import PLACE_DRAWN
+from flexarm_env.episode.reset import PLACE_DRAWN, draw_path
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics.constants import changes_of_like
@@ -73,6 +74,8 @@ class Draws:
             self.further[name] = slice(self.columns, self.columns + len(each))
             self.columns += len(each)
         corners = [tuple(map(fixed_rows, (one, *ends(one)))) for one in kinds]
+        self.chosen_path = self.columns if kinds[0].path_rows else None  # column; that of the kernels is the lane
+        self.columns += self.chosen_path is not None
         self.rows = {
             name for own, *two in corners for name in own for x in two if not np.array_equal(own[name], x[name])
         }
@@ -136,10 +139,24 @@ class Draws:
         found = {name: requests[:, where] for name, where in self.further.items()}
         return {name: both.copy() if both.shape[1] > 1 else both[:, 0].copy() for name, both in found.items()}
 
+    def path(self, request: Array, index: int, key: int, rows: int) -> Array:
+        """Return the path that follows from an environment's request, which asks for this path then."""
+        options = self._kinds[self._kind_of[index]].having(self._numbers(request))
+        if options.reference[0] not in OF_EACH:
+            direction = DIRECTION_CODES[options.direction]
+            with np.errstate(over="ignore"):  # words of keys
+                request[self.chosen_path] = draw_path(np.uint64(key), len(options.reference), direction, request)
+            request[[column.PATH, column.DIRECTION]] = index, 0.0
+        return first_rows(options, key, rows, int(np.nan_to_num(request[self.chosen_path])))
+
+    def _numbers(self, request: Array) -> dict[str, Any]:
+        """Return what an environment's request has for options and parameters of the arm, without None."""
+        return {name: x[0].tolist() for name, x in self.values(request[None]).items() if not np.isnan(x).any()}
+
     def constants(self, request: Array, index: int, program: Program) -> tuple[dict[str, Any], Array]:
         """Return the rows that follow from an environment's request, and its own settings (`entries.LaneSetting`)."""
         settings = self._kinds[self._kind_of[index]]
-        drawn = {name: x[0].tolist() for name, x in self.values(request[None]).items() if not np.isnan(x).any()}
+        drawn = self._numbers(request)
         of_arm = {name: drawn.pop(name) for name in list(drawn) if name in ArmParameters.__dataclass_fields__}
         arm, options = settings.flexible_arm, settings.having(drawn)
         changes = changes_of_like(replace(arm.parameters, **of_arm), arm.changes) if of_arm else arm.changes

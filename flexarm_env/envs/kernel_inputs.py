@@ -73,7 +73,7 @@ def path_tables(kinds: Sequence[Settings], lanes: int) -> tuple[Array, tuple[str
         ValueError: if their paths differ and one has several.
     """
     settings = kinds[0]
-    if not settings.paths:
+    if settings.has_own_path:
         if settings.path_rows:
             rows = max(one.path_rows for one in kinds)
             room = np.tile(first_rows(settings, 0, rows), (lanes, 1, 1))
@@ -98,8 +98,9 @@ def usual_requests(settings: Settings, first_paths: NDArray[np.int64], shape: tu
     usual = np.full(shape, NAN)
     usual[:, column.START] = START_CODES[settings.start]
     usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
-    if settings.path_rows:  # each lane has its own
-        usual[:, column.PATH], usual[:, column.DIRECTION] = np.arange(len(usual)), 0.0
+    if settings.path_rows:  # each lane has its own; a named one is chosen first (`draws`)
+        first = count if settings.paths else 0
+        usual[first:, column.PATH], usual[first:, column.DIRECTION] = np.arange(first, len(usual)), 0.0
     elif first_paths.any():
         usual[:count, column.PATH] = first_paths
     return usual
@@ -184,7 +185,6 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "LENGTHS": p.link_lengths,
         "START_SPREAD": s.start_spread,
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
-        "LAP": [s.lap_time],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
     }
     *places, (last, _) = Setting.layout(shape_of(s, program)).items()
@@ -278,6 +278,7 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
         "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "LIMITS": state_limits(arm),
+        "LAP": [s.lap_time],
         **place_rows("TIP", arm.place(2, length)),
         **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
         "RATE_LATE": [float(s.delayed == "position+rate")],

@@ -303,12 +303,15 @@ class Options:
     )
 
 
+OF_PATHS = ("side", "lap_time")  # an episode that draws one has a path of its own
+
+
 def _drawable() -> dict[str, Number]:
     found = {name: Number(one.least, one.most, DRAWN[name]) for name, one in QUANTITIES.items()}
     for one in (*fields(Options), *fields(ArmParameters)):
         allowed = getattr(one.metadata["allowed"], "other", one.metadata["allowed"])
         of_an_arm = one.name not in (*SHARED_BY_ARMS, "damping_ratio")
-        if isinstance(allowed, Number) and one.metadata.get("own", of_an_arm):
+        if isinstance(allowed, Number) and (one.metadata.get("own", of_an_arm) or one.name in OF_PATHS):
             found.setdefault(one.name, allowed)
     return found
 

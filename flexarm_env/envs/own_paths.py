@@ -64,21 +64,29 @@ def _as_table(name: str, given: Any, settings: Any) -> tuple[tuple[float, ...], 
 
 
 def rows_of(settings: Any) -> int:
-    """Return how many rows the table of an environment's own path has ('drawn', 'target')."""
+    """Return how many rows the table of an environment's own path has, other than moves."""
+    if settings.paths:
+        return max(len(path.table) for path in settings.paths)
     if settings.reference == ("drawn",):
         return 1 + max(SIDES, len(_drawn(settings, 0).table) - 1)
     _check_within("waypoints", np.array(settings.waypoints), settings)
     return _past(settings) + len(_horizons(settings)) + 5
 
 
-def first_rows(settings: Any, key: int, rows: int) -> Array:
-    """Return the path with which the episode of a key begins. Shape (rows, 5).
+def first_rows(settings: Any, key: int, rows: int, chosen: int = 0) -> Array:
+    """Return the path with which an episode begins. Shape (rows, 5).
+
+    Args:
+        settings: of the episode.
+        key: its key.
+        rows: of the table.
+        chosen: which of the named paths.
 
     Raises:
         ValueError: for a drawn path that is out of reach, too fast, or has another lap time or too many way-points.
     """
-    if settings.reference == ("drawn",):
-        table = _drawn(settings, key).table
+    if settings.reference != ("target",):
+        table = (_drawn(settings, key) if settings.reference == ("drawn",) else settings.path(chosen)).table
         if len(table) > rows:
             raise ValueError(f"waypoints: drew a path of {len(table) - 1} sides; must be at most {rows - 1}")
         return with_velocities(subdivided(table, rows - 1))

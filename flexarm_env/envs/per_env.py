@@ -11,6 +11,7 @@ from typing import Any
 
 from flexarm_env.allowed import allowed_of
 from flexarm_env.envs.corners import ends
+from flexarm_env.envs.options import OF_PATHS
 from flexarm_env.envs.own_paths import OF_EACH
 from flexarm_env.envs.quantities import SHARED_BY_ARMS
 from flexarm_env.envs.settings import Settings
@@ -19,7 +20,8 @@ from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
 
 OPTIONS = tuple(one.name for one in fields(Settings) if one.metadata["own"])
-_SCALES = ("gain_limit", "action_limit", "kept")  # of actions and observations: an episode's are its environment's own
+# Of actions and observations: an episode's are its environment's own. And paths, for which lanes have memory.
+_FREE = ("gain_limit", "action_limit", "kept", "paths", *OF_PATHS)
 _SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in OPTIONS)
 
 
@@ -75,7 +77,7 @@ def common_values(settings: Settings) -> dict[str, Any]:
         "real motors": settings.real_motors,
         "dry friction": settings.dry_joints,
         "substeps": settings.substeps,
-        "paths": settings.reference[0] if settings.reference[0] in OF_EACH else "known",
+        "paths": settings.reference if settings.has_own_path else "known",
     }
 
 
@@ -86,7 +88,7 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
         ValueError: naming the option, the environment, its value and that of environment 0.
     """
     for settings in {id(one): one for one in each}.values():
-        _refuse_unlike((settings, *ends(settings)), "randomisation", _SCALES)
+        _refuse_unlike((settings, *ends(settings)), "randomisation", _FREE)
     _refuse_unlike(each, "per_env, environment {}")
 
 
@@ -136,7 +138,10 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
         )
     if name == "paths":
         kinds = ", ".join(map(repr, OF_EACH))
-        return f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds}"
+        return (
+            f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds}, and "
+            f"all draw {' or '.join(OF_PATHS)} or none"
+        )
     if name in ("real motors", "dry friction"):
         return f"{name}: all environments must have some, or none; a tiny value stands for 0"
     steps = [s.control_period / s.substeps for s in (one, first)]

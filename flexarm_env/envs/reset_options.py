@@ -63,7 +63,7 @@ def reset_requests_of(
             check_moving_start(simulator.settings, name)
         reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:
-        lap = simulator.settings.lap_time
+        lap = min(one.laps[0] for one in simulator.each)
         reset_requests[:, column.PHASE] = _numbers(
             "options['time']", asked["time"], simulator, 0.0, np.nextafter(lap, 0.0)
         )

@@ -16,7 +16,7 @@ from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
 from flexarm_env.envs.corners import ends, worst
 from flexarm_env.envs.distributions import ends_of
-from flexarm_env.envs.options import Options
+from flexarm_env.envs.options import OF_PATHS, Options
 from flexarm_env.envs.own_paths import OF_EACH, rows_of, settled
 from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
@@ -94,7 +94,8 @@ class Settings(Options):
         self._refuse_what_does_not_fit()
         for one, word in zip(ends(self), ("least", "largest"), strict=False):
             try:
-                Settings(**{each.name: getattr(one, each.name) for each in fields(self)})
+                given = {each.name: getattr(one, each.name) for each in fields(self)}
+                Settings(**given | {"start_spread": None})  # has its number, which other starts refuse
             except ValueError as error:
                 raise ValueError(f"randomisation: with the {word} of what is drawn, {error}") from None
         for what in ("integration", "history_slots"):
@@ -103,7 +104,7 @@ class Settings(Options):
     def _refuse_what_does_not_fit(self) -> None:
         """Refuse sensors and paths beyond the arm, all at once."""
         found = []
-        checks = (self._check_sensor, lambda: self.further_sensors, lambda: self.paths, lambda: self.path_rows)
+        checks = (self._check_sensor, lambda: self.further_sensors, self._check_paths, lambda: self.path_rows)
         for check in checks:
             try:
                 check()
@@ -128,7 +129,8 @@ class Settings(Options):
         for name, numbers in values.items():
             own = tuple(map(float, np.ravel(numbers)))
             (known if name in known else arm)[name] = own if len(own) > 1 else own[0]
-        kept = ["paths", "integration", "real_motors", "dry_joints", *([] if arm else ["flexible_arm"])]
+        kept = ["integration", "real_motors", "dry_joints", *([] if arm else ["flexible_arm"])]
+        kept += ["paths"] if values.keys().isdisjoint(OF_PATHS) else []
         known |= {name: self.__dict__[name] for name in kept if name in self.__dict__}
         known["randomisation"] = {name: one for name, one in self.randomisation.items() if name in QUANTITIES}
         if arm:
@@ -153,6 +155,11 @@ class Settings(Options):
         """Return the least and the largest value of a quantity (`quantities.QUANTITIES`) that any episode may have."""
         own = self.own_value(name)
         return ends_of(self.randomisation.get(name, (own, own)))
+
+    @property
+    def laps(self) -> tuple[float, float]:
+        """The shortest and the longest lap of any episode [s]."""
+        return ends_of(self.randomisation.get("lap_time", (self.lap_time, self.lap_time)))
 
     def own_value(self, name: str) -> float:
         """Return the value of a quantity if it is neither drawn nor requested."""
@@ -191,25 +198,34 @@ class Settings(Options):
         """Paths of `reference`, in one of `DIRECTIONS` and then in the other; empty if each episode has its own."""
         if self.reference[0] in OF_EACH:
             return []
-        own = self.waypoints if isinstance(self.waypoints, Mapping) else {"waypoints": self.waypoints}
-        tasks = [SquareParameters(self.side, self.lap_time, self.start_corner, one) for one in DIRECTIONS]
-        found = [
-            (name, PATHS[name](task) if name in PATHS else way_points(task, own[name]))
-            for task in tasks
-            for name in self.reference
-        ]
-        for name, path in found:
+        return [self.path(n) for n in range(len(DIRECTIONS) * len(self.reference))]
+
+    def path(self, index: int) -> ReferencePath:
+        """Make one of `paths`."""
+        turn, n = divmod(index, len(self.reference))
+        name, task = self.reference[n], SquareParameters(self.side, self.lap_time, self.start_corner, DIRECTIONS[turn])
+        return PATHS[name](task) if name in PATHS else way_points(task, self._way_points(name))
+
+    def _way_points(self, name: str) -> Any:
+        return self.waypoints[name] if isinstance(self.waypoints, Mapping) else self.waypoints
+
+    def _check_paths(self) -> None:
+        for name, path in zip(self.reference * len(DIRECTIONS), self.paths, strict=False):
             try:
                 path.check_reach(self.flexible_arm.parameters)
             except ValueError as error:
-                what = f"side = {self.side} m" if name in PATHS else f"waypoints = {shown(own[name])}"
+                what = f"side = {self.side} m" if name in PATHS else f"waypoints = {shown(self._way_points(name))}"
                 raise ValueError(f"{what}: {error}") from None
-        return [path for _, path in found]
+
+    @property
+    def has_own_path(self) -> bool:
+        """Whether each environment of a batch has memory for a path, which an episode may change."""
+        return not (self.paths and self.randomisation.keys().isdisjoint(OF_PATHS))
 
     @cached_property
     def path_rows(self) -> int:
         """How many rows the table of an environment's own path has that Python writes; 0: there is none."""
-        return rows_of(self) if self.reference[0] in OF_EACH[1:] else 0
+        return rows_of(self) if self.has_own_path and self.reference != ("moves",) else 0
 
     @property
     def has_own_terms(self) -> bool:

@@ -126,14 +126,14 @@ def count_encoders(arena: Arena, settings: Table) -> None:
 def note_times(block: Block) -> None:
     """Compute each lane's time of the episode, its phase of the lap, and the times since and until its side changes."""
     settings, arena, clock = block.settings, block.arena, block.clock
-    h, lap = settings[setting.STEP], settings[setting.LAP]
+    h = settings[setting.STEP]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
         within = now - arena[row.PRESENT_SEGMENT + segment.LAP, i]
         passed = within - arena[row.PRESENT_SEGMENT + segment.BEGIN, i]
         arena[row.SEGMENT_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
         arena[row.SEGMENT_LEFT, i] = arena[row.PRESENT_SEGMENT + segment.END, i] - within
-        laps = now / lap
+        laps = now / arena[row.LAP, i]
         arena[row.PHASE, i] = laps - floor(laps)
         arena[row.TIME, i] = (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) * h
 
@@ -183,8 +183,9 @@ def note_rest(block: Block) -> None:
     The result is set at the first instant after the lap and kept until the next lap ends; before that it is 0.
     """
     settings, arena, clock = block.settings, block.arena, block.clock
-    h, lap = settings[setting.STEP], settings[setting.LAP]
+    h = settings[setting.STEP]
     for i in range(variant.lanes):
+        lap = arena[row.LAP, i]
         now = (clock[clock_row.STEPS, i] + AHEAD) * h
         if not arena[row.TIP_ERROR, i] <= NEAR:
             arena[row.AWAY, i] = now

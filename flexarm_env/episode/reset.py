@@ -10,7 +10,7 @@ from math import sqrt
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, Table
 from flexarm_env.codegen.elementary import sincos, uniform
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
@@ -79,17 +79,16 @@ def draw_branch(arena: Arena, key: np.uint64, own: Table, request: ResetRequest,
     arena[row.BRANCH, i] = branch
 
 
-def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) -> int:
+def draw_path(key: np.uint64, names: int, direction: float, request: ResetRequest) -> int:
     """Return the index of the path that an episode follows: name and direction by the request or a draw."""
-    index = int(uniform(key, PLACE_PATH) * header[word.PATH_NAMES])
+    index = int(uniform(key, PLACE_PATH) * names)
     if request[column.PATH] == request[column.PATH]:
         index = int(request[column.PATH])
-    direction = own[lane_setting.DIRECTION]
     if request[column.DIRECTION] == request[column.DIRECTION]:
         direction = request[column.DIRECTION]
     if direction < 0.0:
         direction = floor(2.0 * uniform(key, PLACE_DIRECTION))
-    return index + int(direction) * header[word.PATH_NAMES]
+    return index + int(direction) * names
 
 
 def draw_start(block: Block, key: np.uint64, request: ResetRequest, i: int) -> None:
@@ -127,7 +126,7 @@ def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> t
     return joint_angles_for(settings[setting.LENGTHS], settings[setting.LENGTHS + 1], branch, x, y)
 
 
-def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> None:
+def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float, lap: float) -> None:
     """Draw an episode's path: from one point to another and back, each move from rest to rest with a rest after it.
 
     Both joint angles follow one polynomial of fifth degree (minimum jerk). The end points lie in the ring
@@ -138,6 +137,7 @@ def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> No
         key: key of the episode.
         settings: see `entries.Setting`.
         branch: sign of theta2.
+        lap: time there and back [s].
     """
     start = drawn_point(key, settings, branch, PLACE_MOVE)
     end = drawn_point(key, settings, branch, PLACE_MOVE + 2)
@@ -145,7 +145,6 @@ def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> No
     way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
     way_2 = end[1] - start[1]
     last = path.shape[0] - 1
-    lap = settings[setting.LAP]
     for n in range(last + 1):
         quarters = 4.0 * n / last  # a move, a rest, a move back, a rest
         u = min(max(quarters if quarters < 2.0 else 3.0 - quarters, 0.0), 1.0)
@@ -241,9 +240,10 @@ def reset_lanes(block: Block) -> None:
             draw_branch(arena, keys[i], own, request, i)
             if variant.own_paths:
                 clock[clock_row.PATH, i] = lane
-                draw_moves(block.paths[lane], keys[i], block.settings, arena[row.BRANCH, i])
+                draw_moves(block.paths[lane], keys[i], block.settings, arena[row.BRANCH, i], arena[row.LAP, i])
             else:
-                clock[clock_row.PATH, i] = draw_path(keys[i], header, own, request)
+                direction = own[lane_setting.DIRECTION]
+                clock[clock_row.PATH, i] = draw_path(keys[i], header[word.PATH_NAMES], direction, request)
             draw_start(block, keys[i], request, i)
             initial_state(block, keys[i], request, i)
             clear_lane(block, i)

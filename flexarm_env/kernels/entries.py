@@ -114,7 +114,6 @@ class Setting(Names):
     ERROR_LIMIT = Entry("of the tip's distance from the reference", "m", 1, _ENVIRONMENT)
     START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2, _ENVIRONMENT)
     MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2, _ENVIRONMENT)
-    LAP = Entry("time of a lap", "s", 1, _ENVIRONMENT)
     WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0, _ENVIRONMENT)
 

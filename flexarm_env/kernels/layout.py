@@ -200,6 +200,7 @@ class Row(Names):
     MEASURED_SIDE = Entry("side of the elbow by the encoders, as ELBOW_SIDE", "1", 1, _ENVIRONMENT)
     PRESENT_JOINT = Entry("as JOINT, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
     LINK_FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
+    LAP = Entry("time of a lap", "s", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)

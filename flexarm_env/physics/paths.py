@@ -198,6 +198,8 @@ def same_length(paths: Sequence[ReferencePath]) -> Array:
 def subdivided(table: Array, sides: int) -> Array:
     """Divide a table's sides evenly, so that there are so many; at least as many as there are. Shape (sides + 1, 3)."""
     own = len(table) - 1
+    if own == sides:
+        return table
     pieces = np.full(own, sides // own)
     pieces[: sides % own] += 1
     rows = [table[:1]]

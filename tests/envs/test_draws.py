@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_baselines.task import Task
 from flexarm_env.envs.distributions import checked_distribution, quantiles
 from flexarm_env.envs.options import DRAWABLE, Options
 from flexarm_env.envs.settings import Settings
@@ -44,7 +45,10 @@ MOTORS: dict[str, Any] = {
     "stribeck_velocity": (0.3, 0.5),
     "friction_smoothing": (0.8, 1.0),
 }
-ALL = ARM | SENSORS | TORQUES | {"payload_mass": ("log_uniform", 0.05, 1.0), "noise": ("choice", [0.0, 0.01])}
+PATH: dict[str, Any] = {"side": (10.0, 12.6), "lap_time": ("choice", [8.0, 16.0])}
+EITHER: dict[str, Any] = {"reference": ("square", "circle"), "direction": "either"}
+SMALL = [(5.0, 5.0), (5.0, 5.02), (5.02, 5.02), (5.02, 5.0)]
+ALL = ARM | SENSORS | TORQUES | PATH | {"payload_mass": ("log_uniform", 0.05, 1.0), "noise": ("choice", [0.0, 0.01])}
 STEP = {"physics_step": 1e-3}
 
 
@@ -84,12 +88,12 @@ def test_each_number_has_its_own_share_of_an_episode() -> None:
 def test_a_batch_draws_as_single_environments() -> None:
     """Also where its environments have their own ranges."""
     ranges = [ALL, ALL | {"elbow_mass": (0.0, 0.1)}, ALL]
-    same_as_alone(SQUARE, 3, {"arm": "default", **STEP}, 60, per_env={"randomisation": ranges})
+    same_as_alone(SQUARE, 3, {"arm": "default", **STEP, **EITHER}, 60, per_env={"randomisation": ranges})
 
 
 def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> None:
     same, following = (
-        vector(SQUARE, 3, max_episode_steps=9, autoreset_mode=mode, randomisation=ALL, **STEP)
+        vector(SQUARE, 3, max_episode_steps=9, autoreset_mode=mode, randomisation=ALL, **STEP, **EITHER)
         for mode in ("SameStep", "NextStep")
     )
     assert_same(same.reset(seed=7), following.reset(seed=7))
@@ -107,6 +111,14 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
         (SQUARE, SENSORS, {"noise": 0.01}),
         (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
+        (SQUARE, PATH, EITHER | {"observation": ("previews", "lap_phase", "sensor_error", "reference_velocity")}),
+        (SQUARE, {"lap_time": (0.15, 0.25)}, {"reference": "waypoints", "waypoints": SMALL, "start": "corner"}),
+        (
+            SQUARE,
+            {"lap_time": (0.15, 0.25)},
+            {"reference": "drawn", "start": "corner", "waypoints": lambda draw: SMALL + draw.normal(0.0, 1e-3, 2)},
+        ),
+        (SQUARE, {"lap_time": (8.0, 20.0)}, {"reference": "moves"}),
     ],
 )
 def test_an_episode_is_that_of_an_environment_made_with_what_it_drew(
@@ -139,7 +151,8 @@ def test_the_step_is_short_enough_for_every_arm_in_the_range() -> None:
 
 
 def test_states_and_copies_keep_what_was_drawn() -> None:
-    env, other = bare(SQUARE, 5, randomisation=ALL, **STEP), vector(SQUARE, 2, randomisation=ALL, **STEP)
+    options: dict[str, Any] = {"randomisation": ALL, **STEP, **EITHER}
+    env, other = bare(SQUARE, 5, **options), vector(SQUARE, 2, **options)
     other.reset(seed=50)
     other.set_state(env.get_state(), [1])
     assert other.episode.one(1) == env.episode != other.episode.one(0)
@@ -175,6 +188,42 @@ def test_ranges_of_a_running_batch_are_assigned_and_values_requested() -> None:
             batch.reset(options={"parameters": wrong})
 
 
+def test_paths_that_are_drawn_can_be_requested_and_have_room() -> None:
+    """The fastest is the largest square in the shortest lap, 3.15 m/s the scale of velocities."""
+    batch = vector(SQUARE, 2, randomisation=PATH, observation=["reference_velocity"], start="corner", **EITHER)
+    assert batch.lap_steps == 1600
+    assert 1.0 <= batch.single_observation_space.high.min() / (4.0 * 12.6 / 8.0 / 3.15) <= 1.0 + 1e-6
+    asked = {"path": ["circle", "square"], "direction": ["clockwise", "counterclockwise"]}
+    batch.reset(seed=0, options={"parameters": {"lap_time": [8.0, 16.0], "side": 11.0}, **asked})
+    for name, values in asked.items():
+        assert getattr(batch.episode, name).tolist() == values
+    found = batch.step(np.zeros((2, 2), dtype=np.float32))[0] * 3.15
+    np.testing.assert_allclose(np.hypot(*found.T), [np.pi * 11.0 / 8.0, 4.0 * 11.0 / 16.0], rtol=1e-5)
+    with refuses(ValueError, "options['time'] = 8.0", "to 8"):
+        batch.reset(options={"time": 8.0})
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"reference": "waypoints", "waypoints": [(0.0, 5.0, 5.0), (16.0, 5.0, 6.0)]}, "have times"),
+        ({"reference": "target", "waypoints": [(5.0, 5.0)]}, "no lap"),
+        ({"reference": "moves"}, "at least 800 control periods (8 s)"),
+        ({"start": "moving", "lap_time": 100.0}, "end an episode"),
+    ],
+)
+def test_laps_that_cannot_be_drawn_are_refused(options: dict[str, Any], word: str) -> None:
+    with refuses(ValueError, "lap_time", word):
+        bare(SQUARE, randomisation={"lap_time": (0.05, 16.0)}, **options)
+
+
+def test_environments_of_a_batch_draw_paths_together_and_no_controller_takes_one_for_granted() -> None:
+    with refuses(ValueError, "environment 1: reference = ('square',)", "all draw side or lap_time or none"):
+        vector(SQUARE, 2, per_env={"randomisation": [{}, PATH]})
+    with refuses(ValueError, "one reference", "lap_time"):
+        Task.of(bare(SQUARE, frame="world", randomisation=PATH))
+
+
 @pytest.mark.parametrize(
     ("name", "distribution", "word"),
     [
@@ -190,6 +239,7 @@ def test_ranges_of_a_running_batch_are_assigned_and_values_requested() -> None:
         ("hold", (0.0, 0.1), "must be a finite number and >= 1e-06"),
         ("sensor_position", (4.0, 5.0), "the largest of what is drawn, sensor_position = 5.0 m"),
         ("inner_stiffness", ((1.0, 2.0), (1.0, 2.0)), "no effect with action_mode = 'torque'"),
+        ("side", (0.1, 13.0), "the largest of what is drawn, side = 13.0 m"),
         ("link_lengths", ((4.0, 5.0), (4.0, 5.0)), "no such quantity"),
     ],
 )
