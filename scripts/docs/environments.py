@@ -42,15 +42,6 @@ for _ in range(100):
     if terminated or truncated:
         observation, info = env.reset()
 ```"""
-_BATCH_SNIPPET = f"""\
-```python
-import gymnasium
-
-envs = gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)
-observations, infos = envs.reset(seed=0)
-for _ in range(100):
-    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
-```"""
 _MAKE = """\
 The part before the colon imports the package, so that this works in spawned processes, too. Options are arguments of
 `make` and `make_vec`: `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`. The version in an id goes up when
@@ -58,10 +49,11 @@ its dynamics, observation or reward changes."""
 _START = """\
 The option `start` says how the arm begins an episode. `reset(options={"start": "corner"})` overrides it once, and
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
-_BATCH = """\
-A batch is one environment that steps all its arms in one compiled loop, far faster than as many single environments.
-Observations, rewards and flags are arrays with a row for each arm. [Use batches](../how_to/batch.md) explains kernels,
-autoreset modes, threads, arms that differ, and batches for Stable-Baselines3."""
+_BATCH = f"""\
+`gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)` makes a batch: one environment that steps all its
+arms in one compiled loop, far faster than as many single environments. Observations, rewards and flags are arrays with
+a row for each arm. [Use batches](../how_to/batch.md) explains kernels, autoreset modes, threads, arms that differ, and
+batches for Stable-Baselines3."""
 _OPTIONS = """\
 Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of
 `FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
@@ -131,7 +123,7 @@ def index() -> str:
         "How an episode starts": [_START, doc.start_table()],
         "How it ends": [texts.ENDING, doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
-        "Make a batch": [_BATCH, _BATCH_SNIPPET, doc.parameter_table(vector)],
+        "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Seeds": [texts.SEEDS],
         "Frames and units": [texts.FRAMES],
         "The side of the elbow": [texts.BRANCHES],
