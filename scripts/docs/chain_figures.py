@@ -93,29 +93,25 @@ def convergence_table(found: dict[str, Any], kind: str) -> str:
         )
         for row in found[kind]
     ]
-    header = (title, "tip from the last row's, r.m.s. [mm]", "largest [mm]", "lap r.m.s. [mm]", "steps per second")
+    header = (title, "tip from the last row's, r.m.s. [mm]", "largest [mm]", "lap [mm]: r.m.s. / after 2 s", "steps per second")
     return table(header, rows)
 
 
 def score_table(found: dict[str, Any]) -> str:
     """Return the table of controllers on the chain and on the modelled arm."""
-    rows = [
-        (
-            row["controller"],
-            row["lap"],
-            row["arm"],
-            _score(row),
-            "" if row["rms_after_2s"] is None else f"{1e3 * row['rms_after_2s']:.1f}",
-            f"{_millimetres(row['away']['rms'])} / {_millimetres(row['away']['maximum'])}" if "away" in row else "",
-        )
-        for row in found["scores"]
-    ]
-    away = "tip from the chain's [mm]: r.m.s. / largest"
-    return table(("controller", "lap", "on", "lap r.m.s. [mm]", "after 2 s [mm]", away), rows)
+    rows = []
+    for chain, model in zip(found["scores"][::2], found["scores"][1::2], strict=True):
+        apart = f"{_millimetres(model['away']['rms'])} / {_millimetres(model['away']['maximum'])}"
+        rows.append((chain["controller"], chain["lap"], _score(chain), _score(model), apart))
+    errors = "on {} [mm]: r.m.s. / after 2 s".format
+    head = ("controller", "lap", errors("the chain"), errors("the default arm"), "tips apart [mm]: r.m.s. / largest")
+    return table(head, rows)
 
 
 def _score(row: dict[str, Any]) -> str:
-    return f"{1e3 * row['rms']:.1f}" if row["rms"] is not None else f"ended: {row['ended']}"
+    if row["rms"] is None:
+        return f"ended: {row['ended']}"
+    return f"{1e3 * row['rms']:.1f} / {1e3 * row['rms_after_2s']:.1f}"
 
 
 def _millimetres(length: float) -> str:
