@@ -116,17 +116,6 @@ def _range(column: Mapping[str, Any]) -> str:
     return f"{column['title']}, {least} to {most}{unit}"
 
 
-def margins(board: Board) -> str:
-    """Write the exact delay margins of linear loops beside the delays at which they fail in simulation."""
-    lines = []
-    for entry in board["rows"]:
-        margin = entry["delay_margin"]
-        if margin is not None:
-            exact = " to ".join(f"{1e3 * margin[end]:.3g}" for end in ("least", "most"))
-            lines.append([title(entry), exact, _holds("delay", entry, board)])
-    return table(["entry", "exact margin along the square [ms]", "simulated laps hold [ms]"], lines)
-
-
 def _holds(name: str, entry: Mapping[str, Any], board: Board) -> str:
     """Write the values about the nominal one without a lost lap, and those without a doubled error, if fewer."""
     column = entry["columns"][name]
@@ -213,7 +202,6 @@ def tables(board: Board) -> dict[str, str]:
     if "nominal" in names:
         writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
         writers |= {f"axis_{name}": partial(axis, name) for name in names if name not in ("nominal", "unknown")}
-        writers |= {"margins": margins} if "delay" in names else {}
         writers |= {"short_ranking": short_ranking} if "unknown" in names else {}
     for name, write in writers.items():
         found[name] = write(board)

@@ -93,8 +93,8 @@ def convergence_table(found: dict[str, Any], kind: str) -> str:
         )
         for row in found[kind]
     ]
-    header = (title, "tip from the last row's, r.m.s. [mm]", "largest [mm]", "lap [mm]: r.m.s. / after 2 s", "steps per second")
-    return table(header, rows)
+    apart = ("tip from the last row's, r.m.s. [mm]", "largest [mm]")
+    return table((title, *apart, "lap [mm]: r.m.s. / after 2 s", "steps per second"), rows)
 
 
 def score_table(found: dict[str, Any]) -> str:
