@@ -191,11 +191,11 @@ def _facts(name: str, one: Id) -> str:
     readings = dict.fromkeys(BLOCKS[block].reads or "" for block in settings.observation)
     chain = "; [how fine the chain is](chain.md)" if name == chain_figures.CHAIN else ""
     install = f', after `pip install -e ".[{one.extra}]"` in a clone' if one.extra else ""
+    more = f"[terms](../concepts.md), [what all ids share](README.md), `flexarm show {name}`: everything"
     rows = [
         ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
         ("Episode", doc.timing(one)),
-        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}'),
-        ("More", f"[terms](../concepts.md); [what all ids share](README.md); `flexarm show {name}`: everything{chain}"),
+        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}; {more}{chain}'),
     ]
     return doc.table(("Action", f"`{actions}`"), rows)
 
