@@ -138,6 +138,12 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
         {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
+        {
+            "motor_time_constant": (0.002, 0.003),
+            "torque_speed_limit": (30.0, 100.0),
+            "torque_resolution": (0.5, 0.1),
+            "randomisation": {"side": (8.0, 12.6), "lap_time": (8.0, 16.0)},
+        },
     ],
     "SquareResidual": [
         *_SENSING[:1],
