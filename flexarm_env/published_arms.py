@@ -21,22 +21,31 @@ class Preset(NamedTuple):
     fields: Mapping[str, object]
 
 
+_QUANSER: Mapping[str, object] = {
+    "link_lengths": (0.202, 0.202),
+    "flexural_rigidities": (2.690, 0.4614),
+    "masses_per_length": (0.7597, 0.2659),
+    "modes_per_link": 2,
+    "shoulder_hub_inertia": 0.06354,
+    "elbow_hub_inertia": 0.003020,
+    "elbow_mass": 1.3673,
+    "elbow_housing_inertia": 0.08086,
+    "payload_mass": 0.157,
+    "payload_inertia": 3.247e-5,
+    "joint_friction": (4.0, 1.5),
+    "mode_scale": 0.01,
+}
 PUBLISHED: Mapping[str, Preset] = {
-    "quanser": Preset(
-        "Quanser 2-DOF serial flexible link, by the maker's data: two polynomials a link",
+    "quanser": Preset("Quanser 2-DOF serial flexible link, by the maker's data: two polynomials a link", _QUANSER),
+    "quanser_measured": Preset(
+        "the same, with stiffness, damping and friction fitted to a recording of a rig",
         {
-            "link_lengths": (0.202, 0.202),
-            "flexural_rigidities": (2.690, 0.4614),
-            "masses_per_length": (0.7597, 0.2659),
-            "modes_per_link": 2,
-            "shoulder_hub_inertia": 0.06354,
-            "elbow_hub_inertia": 0.003020,
-            "elbow_mass": 1.3673,
-            "elbow_housing_inertia": 0.08086,
-            "payload_mass": 0.157,
-            "payload_inertia": 3.247e-5,
-            "joint_friction": (4.0, 1.5),
-            "mode_scale": 0.01,
+            **_QUANSER,
+            "flexural_rigidities": (3.861, 0.3077),
+            "damping_ratio": 1.0,
+            "joint_friction": (0.4336, 0.0811),
+            "coulomb_friction": (3.710, 0.0999),
+            "friction_smoothing": 0.05,
         },
     ),
     "de_luca_siciliano": Preset(

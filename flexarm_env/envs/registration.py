@@ -87,7 +87,7 @@ UNKNOWN_PLANT: dict[str, Any] = {
 }
 
 # The laboratory arm (docs/how_to/published_arms.md): its name, and what its maker gives of it.
-LAB_ARM = "quanser"
+LAB_ARM = "quanser_measured"
 _LAB: dict[str, Any] = {
     "arm": LAB_ARM,
     "control_period": 0.002,
@@ -205,7 +205,7 @@ IDS: dict[str, Id] = {
         "Follow a small square with a laboratory arm at 500 Hz",
         "A laboratory arm of 0.4 m reach, with its maker's limits of current and bend, its encoders and strain gauges, "
         "and no sensor of the tip. The square of 9 cm lies before the shoulder, so that both joints stay within a "
-        "quarter turn. The drives' friction takes most of the torque: the elbow turns at 0.55 rad/s at most.",
+        "quarter turn. Dry friction holds the shoulder against 44 % of its largest torque.",
     ),
     "Paper-v0": Id(
         _PAPER_LAP,

@@ -88,7 +88,7 @@ PICTURES = {
     ),
     "Track-v0": moving("Half a lap under a stiff spring and damper in each joint.", 0.0, 900),
     "Lab-v0": Picture(
-        "Around two corners under a soft spring in each joint; the drives' own friction damps.",
+        "Under a soft spring in each joint: dry friction holds the tip off the path.",
         joint_law((40.0, 8.0), (0.0, 0.0)),
         {"start": "corner", "elbow_branch": "negative"},
         5000,
