@@ -53,8 +53,8 @@ def run(arguments: Sequence[str]) -> None:
 
 def table(found: Identified) -> str:
     """Write what was found for a terminal."""
-    rows = [("fitted", "value", "95 % from", "to")]
-    rows += [(name, *(f"{x:.6g}" for x in (value, *found.intervals[name]))) for name, value in found.values.items()]
+    rows = [["fitted", "value", "95 % from", "to"]]
+    rows += [[name, *(f"{x:.6g}" for x in (value, *found.intervals[name]))] for name, value in found.values.items()]
     left = [("channel", "r.m.s. left", "explained")]
     left += [(name, f"{noise:.3g}", f"{100.0 * found.explained[name]:.2f} %") for name, noise in found.noise.items()]
     return f"{columns(rows, right=True)}\n\n{columns(left, right=True)}"

@@ -162,7 +162,7 @@ class Fit:
             ]
             rows = np.concatenate(parts, axis=1)
             rows[~np.isfinite(rows).all(axis=-1)] = 0.0
-            short = np.linalg.qr(rows, mode="r")
+            short: Array = np.asarray(np.linalg.qr(rows, mode="r"))
             fitted, size = len(self._names), short.shape[-1] - 1 - len(self._names)
             jacobian = np.zeros((count, short.shape[1], fitted + count * size))
             jacobian[..., :fitted] = short[..., :fitted]

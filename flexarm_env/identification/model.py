@@ -85,8 +85,7 @@ class Model:
         """Take what all arms have in common; torque: Shape (windows, n, 2)."""
         self.torque, self.period, self._delays, self._place = torque, period, delays, sensor_position
         self._late = any(delays.values()) or any(name in DELAYS for name in names)
-        self._nodes = -(-period // LONGEST_NODE) if self._late else 1  # of a period
-        self._nodes = int(self._nodes)
+        self._nodes = int(np.ceil(period / LONGEST_NODE)) if self._late else 1  # of a period
         self._names = [name for name in names if name not in DELAYS]
 
     def readings(

@@ -215,8 +215,9 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
         """
         own = self.parameters
-        changed = damping not in (None, own.damping_ratio)
-        return STEP_LIMIT / _fastest_rate(replace(own, damping_ratio=damping) if changed else own)
+        if damping is not None and damping != own.damping_ratio:
+            own = replace(own, damping_ratio=damping)
+        return STEP_LIMIT / _fastest_rate(own)
 
     # --- simulation ------------------------------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ class StepJacobians(NamedTuple):
     """A state after a control period, and its derivatives; [x] stands for the unit of each entry of a state.
 
     Attributes:
-        state: after the period, as `FlexibleArm.step` gives it, to the last bit. Shape (..., 4 + 4 m).
+        state: after the period, as `FlexibleArm.step` gives it, to rounding. Shape (..., 4 + 4 m).
         by_state: by each entry of the state before [x_i/x_j]. Shape (..., 4 + 4 m, 4 + 4 m).
         by_torque: by the held torques of shoulder and elbow [x_i per N m]. Shape (..., 4 + 4 m, 2).
         by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the damping ratio [x_i];
