@@ -14,8 +14,9 @@ from flexarm_agents.board.measure import DATA, INCOMPLETE, write
 from flexarm_agents.board.summary import breaking
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands import leaderboard
 from flexarm_agents.commands.arguments import Reader
+from flexarm_agents.commands.leaderboard import measured
+from flexarm_agents.commands.leaderboard import parser as parser_of_the_verb
 from flexarm_agents.files import write_text
 from flexarm_agents.jobs.failures import check_failures
 from scripts.common.command_line import run
@@ -74,7 +75,7 @@ def check(given: argparse.Namespace) -> None:
 
 def parser() -> Reader:
     """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
-    made = leaderboard.parser()
+    made = parser_of_the_verb()
     made.prog = "python -m scripts.leaderboard"
     timed = "time each entry on an idle machine; else the last times stay"
     made.add_argument("--times", action="store_true", help=timed)
@@ -91,7 +92,7 @@ def main() -> None:
         present(given.output / "presented")
         return
     check(given)
-    entries, results, failed = leaderboard.measured(given)
+    entries, results, failed = measured(given)
     if given.times:
         with tqdm(total=len(entries), unit="entry", desc="timing") as bar:
             found = times(entries, bar.update)
