@@ -33,7 +33,7 @@ def parser() -> Reader:
         option = f"--{name.replace('_', '-')}"
         reader.add_argument(option, type=float, default=0.0, metavar="S", help="known, or where the search begins; 0")
     reader.add_argument("--sensor-position", type=float, metavar="M", help="of the late sensor on link 2; at the tip")
-    reader.add_argument("--window", type=float, default=2.0, metavar="S", help="duration that is simulated at once; 2")
+    reader.add_argument("--window", type=float, default=1.0, metavar="S", help="duration that is simulated at once; 1")
     reader.add_argument("--output", type=Path, metavar="JSON", help="write what is found, with the arm, into a file")
     return reader
 

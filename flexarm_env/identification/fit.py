@@ -49,7 +49,7 @@ def identify(
     delay: float = 0.0,
     actuation_delay: float = 0.0,
     sensor_position: float | None = None,
-    window: float = 2.0,
+    window: float = 1.0,
 ) -> Identified:
     """Fit parameters to recordings.
 
@@ -99,6 +99,8 @@ def identify(
     if np.any(np.abs(directions[~seen, : len(names)]) > 1e-6):  # parts of first states may stay unknown
         raise ValueError(f"names = {shown(list(names))}: the recordings do not tell them apart; fit fewer of them")
     deviation = (np.linalg.norm(directions[seen] / size[seen, None], axis=0) / scale)[: len(names)]
+    count = sum(np.isfinite(one).sum() for one in fit.left(unknown).values())
+    deviation *= np.sqrt(count / (count - np.sum(seen)))  # what is left is less than the noise by what was fitted
     width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
     values = unknown[: len(names)]
     return Identified(

@@ -233,7 +233,7 @@ def test_any_byte_may_be_damaged(kind: str) -> None:
 def test_a_changed_figure_of_a_cell_is_refused(place: bytes) -> None:
     content = good_content("cell of the board")
     path = _folder() / KINDS["cell of the board"].name
-    at = content.index(place)
+    at = content.rindex(place)  # of the result: settings are the reader's to see, the hash in the name holds them
     path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
     with pytest.raises(ValueError, match=re.escape(f"{path}: ")):
         _read_cell(path)
