@@ -80,7 +80,6 @@ class States:
         parts.append(np.moveaxis(views.drawn.reshape(blocks, lanes, views.drawn.shape[1]), 1, 2))
         if own:  # one for each lane
             parts.append(np.moveaxis(views.paths.reshape(blocks, lanes, -1), 1, 2))
-        self._path = _FIRST + len(clocks) if not own else None
         self._parts, end = [], _FIRST
         for part in parts:
             # the lane before the number, so that both indices of a lane stand together
@@ -93,7 +92,8 @@ class States:
         header = views.header
         paths = None if own else views.paths.tobytes()
         meaning = (
-            *(replace(variant, lanes=1, disturbed=False).kind, variant.rows, variant.own_paths, fixed, self.size),
+            *(replace(variant, lanes=1, disturbed=False).kind, variant.rows, variant.own_paths),
+            *(sorted(fixed), self.size),  # a set has another order in another process
             *((name, int(header[getattr(word, name)])) for name in _MEANING),
             *(header[word.PLACES :].tobytes(), views.paths.shape[1:], paths, views.histories.shape[1:3]),
             *(float(views.settings[Setting.layout(variant.shape)[name][0]]) for name in ("STEP", "PERIOD")),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_seeds import NOISY, digest, noisy
 from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, vector
+from tests.support.programs import ROOT, run_bare
 from tests.support.refusals import refuses
 
 REACH = "FlexArm/Reach-v0"
@@ -71,6 +74,20 @@ def test_another_environment_goes_on_in_its_place() -> None:
     envs.reset(options={"reset_mask": np.isin(np.arange(11), rows)})
     np.testing.assert_array_equal(envs.simulator.observations[1], reset[0])
     np.testing.assert_array_equal(envs.simulator.observations[9], reset[0])
+
+
+def test_another_process_goes_on(tmp_path: Path) -> None:
+    """It has other hashes of strings, and therefore sets of them in another order."""
+    env = bare()
+    env.reset(seed=3)
+    np.save(tmp_path / "state.npy", env.get_state())
+    go_on = f"""import gymnasium
+import numpy as np
+env = gymnasium.make("flexarm_env:{SQUARE}", arm={env.settings.arm!r}).unwrapped
+env.reset(seed=0)
+print(env.set_state(np.load("state.npy"))[1]["state"].tolist())"""
+    done = run_bare(sys.executable, "-c", go_on, cwd=tmp_path, PYTHONPATH=str(ROOT))
+    assert done.stdout == f"{env.set_state(env.get_state())[1]['state'].tolist()}\n", done.stderr
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
