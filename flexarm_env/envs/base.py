@@ -169,16 +169,18 @@ class FlexArmEnvBase:
         Args:
             options: keys of `flexarm_env.envs.reset_options.OPTIONS` with a value for all environments or one for each,
                 in place of those of an earlier call; and `randomisation`, distributions within those of `make`, where
-                what is left out stays as it is.
+                what is left out stays as it is. Alone, it leaves the other options as they are.
 
         Raises:
             TypeError, ValueError: for an unknown option or a bad value; nothing has changed then.
         """
         asked = mapping("options", options)
+        alone = asked.keys() == {"randomisation"}
         ranges = asked.pop("randomisation", {})
         requests = reset_requests_of(asked, self.simulator)
         self.simulator.draws.ranges = ranges
-        self._lasting = requests if asked else None
+        if not alone:
+            self._lasting = requests if asked else None
 
     def _requests(self, options: Mapping[str, Any] | None = None) -> Array:
         """Return the requests for episodes that begin now."""
