@@ -52,10 +52,8 @@ def at_speeds(points: ArrayLike, speeds: ArrayLike, closed: bool = True) -> Arra
         raise ValueError(f"points[{int(np.argmin(lengths))}]: must differ from the point that follows it")
     given = np.asarray(speeds)
     fast = finite_array("speeds", np.full(len(lengths), given) if given.ndim == 0 else speeds, (len(lengths),))
-    if not np.all((fast > 0.0) & (fast <= LARGEST_SPEED)):
-        raise ValueError(
-            f"speeds[{int(np.argmin(fast))}] = {fast.min()} m/s: must be above 0, at most {LARGEST_SPEED:g}"
-        )
+    for n, speed in enumerate(fast.tolist()):
+        number(f"speeds[{n}]", speed, "m/s", above=0.0, most=LARGEST_SPEED)
     return np.column_stack([np.concatenate([[0.0], np.cumsum(lengths / fast)]), ends])
 
 

@@ -84,6 +84,18 @@ def test_values_without_noise_are_found(clean: Recording) -> None:
     assert (found.arm.payload_mass, found.arm.joint_friction) == (found.values["payload_mass"], (2.0, 1.0))
 
 
+def test_the_end_of_a_recording_counts() -> None:
+    """What is told after the last whole window, and gauges that always read the same."""
+    torque = np.concatenate([np.zeros((20, 2)), TORQUE[:15]])
+    arm = ArmParameters(payload_mass=0.4, modes_per_link=1)
+    run = Recording(PERIOD, torque, simulated(arm, np.zeros(8), torque, PERIOD).joint)
+    still = replace(run, deflection=np.zeros_like(torque))
+    first = replace(arm, payload_mass=0.1)
+    plain, other = (identify([one], first, ["payload_mass"], window=0.2) for one in (run, still))
+    assert plain.values["payload_mass"] == pytest.approx(0.4, rel=1e-3)
+    assert other.explained["deflection"] == 0.0
+
+
 @pytest.mark.slow
 def test_intervals_of_95_percent_hold_true_values_as_often() -> None:
     """In 100 recordings; counts that 95 % give less often than once in 10,000 are refused."""
@@ -141,6 +153,9 @@ SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
         (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
         (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
         (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
+        (lambda: Recording(PERIOD, TORQUE[:1], joint=np.zeros((1, 2))), r"torque: must have shape \(2, 2\)"),
+        (lambda: replace(SOME, tip=np.full((4, 2), np.nan)), "tip: must be finite, or NaN .* not at all"),
+        (lambda: replace(SOME, torque=TORQUE[:4] * [np.nan, 1.0]), "torque: must be finite at all instants"),
         (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
     ],
 )

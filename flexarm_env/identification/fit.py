@@ -30,7 +30,7 @@ class Identified(NamedTuple):
         deviations: their standard deviations.
         intervals: of 95 % confidence.
         noise: r.m.s. of what is left in each channel, by name [unit of the channel].
-        explained: share of each channel's variance that the model explains.
+        explained: share of each channel's variance that the model explains; 0 where its readings are all equal.
     """
 
     arm: ArmParameters
@@ -77,7 +77,8 @@ def identify(
     torque, measured, period = _windows(recordings, number("window", window, "s", above=0.0))
     model = Model(names, torque, period, known, sensor_position)
     start = np.array([max(LEAST, (known[name] if name in known else value_of(arm, name))) for name in names])
-    noise = {name: max(1e-12, 0.01 * float(np.nanstd(values))) for name, values in measured.items()}
+    spread = {name: float(np.nanstd(values)) for name, values in measured.items()}
+    noise = {name: max(1e-12, 0.01 * one) for name, one in spread.items()}
     unknown = np.concatenate([start, model.first_states(arm, measured).ravel()])
     bounds = np.repeat([[-np.inf], [np.inf]], len(unknown), axis=1)
     bounds[:, : len(names)] = np.transpose([limits(name) for name in names])
@@ -109,7 +110,7 @@ def identify(
         deviations=dict(zip(names, deviation.tolist(), strict=True)),
         intervals={n: (float(v - w), float(v + w)) for n, v, w in zip(names, values, width, strict=True)},
         noise=noise,
-        explained={name: 1.0 - (noise[name] / float(np.nanstd(measured[name]))) ** 2 for name in noise},
+        explained={name: 1.0 - (noise[name] / one) ** 2 if one else 0.0 for name, one in spread.items()},
     )
 
 
@@ -176,16 +177,19 @@ class Fit:
 
 
 def _windows(recordings: Sequence[Recording], window: float) -> tuple[Array, dict[str, Array], float]:
-    """Cut recordings into windows: torques, readings, Shape (windows, n, 2) each, and the period."""
+    """Cut recordings into windows: torques, readings, Shape (windows, n, 2) each, and the period.
+
+    The last window of a recording has no readings where that has ended.
+    """
     first = recordings[0]
     if any(one.channels != first.channels or abs(one.period / first.period - 1.0) > 1e-3 for one in recordings):
         raise ValueError("recordings: must all have the same channels and the same period")
     size = max(2, round(min(window, *(one.period * len(one.torque) for one in recordings)) / first.period))
 
-    def cut(values: Array) -> list[Array]:
-        return [values[n : n + size] for n in range(0, len(values) - size + 1, size)]
+    def whole(name: str, missing: float = np.nan) -> Array:
+        parts = [getattr(one, name) for one in recordings]
+        room = [((0, -len(part) % size), (0, 0)) for part in parts]
+        filled = [np.pad(*both, constant_values=missing) for both in zip(parts, room, strict=True)]
+        return np.concatenate(filled).reshape(-1, size, 2)
 
-    def whole(name: str) -> Array:
-        return np.array([part for one in recordings for part in cut(getattr(one, name))])
-
-    return whole("torque"), {name: whole(name) for name in first.channels}, first.period
+    return whole("torque", 0.0), {name: whole(name) for name in first.channels}, first.period

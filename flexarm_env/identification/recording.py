@@ -47,10 +47,12 @@ class Recording:
             if values is None and name != "torque":
                 continue
             array = real_array(name, values)
-            if array.ndim != 2 or array.shape != (len(self.torque), 2):
-                raise ValueError(f"{name}: must have shape ({len(self.torque)}, 2), got {array.shape}")
+            if len(self.torque) < 2 or array.shape != (len(self.torque), 2):
+                raise ValueError(f"{name}: must have shape ({max(2, len(self.torque))}, 2), got {array.shape}")
+            if np.isinf(array).any() or np.isnan(array).all():
+                raise ValueError(f"{name}: must be finite, or NaN at instants without a reading, but not at all")
             object.__setattr__(self, name, array)
-        if not np.all(np.isfinite(self.torque)):
+        if np.isnan(self.torque).any():
             raise ValueError("torque: must be finite at all instants")
         if not self.channels:
             raise ValueError(f"a recording without readings: one of {', '.join(CHANNELS)} is needed")
