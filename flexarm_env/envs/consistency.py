@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from flexarm_env.envs.choices import MOVE_POINTS
+from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
 from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
@@ -96,11 +97,10 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
 
 
 def _refuse_contradictions(settings: Any) -> None:
-    if any(unit > most for unit, most in zip(settings.torque_resolution, settings.motor_limit, strict=True)):
-        raise ValueError(
-            f"torque_resolution = {settings.torque_resolution} N m: must be at most torque_limit = "
-            f"{settings.motor_limit} N m"
-        )
+    units = _ends(settings, "torque_resolution", settings.torque_resolution)[1]
+    limits = _ends(settings, "torque_limit", settings.motor_limit)[0]
+    if any(unit > most for unit, most in zip(units, limits, strict=True)):
+        raise ValueError(f"torque_resolution = {units} N m: must be at most torque_limit = {limits} N m")
     if settings.law_sensor == "sensor":
         for name in ("jitter", "hold", "dropout"):
             if getattr(settings, name) != 0.0:
@@ -108,9 +108,10 @@ def _refuse_contradictions(settings: Any) -> None:
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
                     "must be 0 with law_sensor = 'sensor'"
                 )
-    if settings.hold and (settings.jitter + settings.control_period) / settings.hold > MOST_TICKS:
+    (hold,), (jitter,) = _ends(settings, "hold", (settings.hold,))[0], _ends(settings, "jitter", (settings.jitter,))[1]
+    if hold and (jitter + settings.control_period) / hold > MOST_TICKS:
         raise ValueError(
-            f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
+            f"hold = {hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
     if settings.compensation != "none" and not _late(settings):
@@ -142,6 +143,14 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
+
+
+def _ends(settings: Any, name: str, own: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """Return the least and the largest values of an option in any episode, of which each number is drawn by itself."""
+    drawn = settings.randomisation.get(name)
+    if drawn is None:
+        return own, own
+    return tuple(zip(*map(ends_of, drawn if len(own) > 1 else [drawn]), strict=True))
 
 
 def _refuse_laps(settings: Any) -> None:

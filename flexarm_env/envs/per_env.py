@@ -42,13 +42,12 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
         return Settings.of(options, owner)
     known_names(owner, options, [one.name for one in fields(Settings)])
     columns = {name: _column(name, values, count) for name, values in mapping("per_env", per_env).items()}
-    made: dict[str, Settings] = {}
+    made: dict[Any, Settings] = {}
     each = []
     for i in range(count):
         try:
             own = {name: allowed_of(Settings, name).check(name, values[i]) for name, values in columns.items()}
-            # checked values and an arm's parameters are plain values: equal ones have the same representation
-            key = repr([arm_parameters(value) if name == "arm" else value for name, value in own.items()])
+            key = tuple(_plain(arm_parameters(x) if name == "arm" else x) for name, x in own.items())
             if key not in made:
                 made[key] = Settings.of({**options, **own}, owner)
         except (TypeError, ValueError) as error:
@@ -56,6 +55,13 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
             raise kind(f"per_env, environment {i}: {error}") from None
         each.append(made[key])
     return each
+
+
+def _plain(value: Any) -> Any:
+    """Return what is equal for equal values: functions are themselves, as two of them may look alike."""
+    if isinstance(value, Mapping):
+        return tuple((name, _plain(one)) for name, one in value.items())
+    return tuple(map(_plain, value)) if isinstance(value, tuple) else value if callable(value) else repr(value)
 
 
 def common_values(settings: Settings) -> dict[str, Any]:

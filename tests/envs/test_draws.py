@@ -239,10 +239,11 @@ def test_environments_of_a_batch_draw_paths_together_and_no_controller_takes_one
         ("hold", (0.0, 0.1), "must be a finite number and >= 1e-06"),
         ("sensor_position", (4.0, 5.0), "the largest of what is drawn, sensor_position = 5.0 m"),
         ("inner_stiffness", ((1.0, 2.0), (1.0, 2.0)), "no effect with action_mode = 'torque'"),
+        ("hold", (2e-6, 0.1), "of the sensor's ticks in jitter = 0.05 s"),
         ("side", (0.1, 13.0), "the largest of what is drawn, side = 13.0 m"),
         ("link_lengths", ((4.0, 5.0), (4.0, 5.0)), "no such quantity"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(name: str, distribution: Any, word: str) -> None:
     with refuses((TypeError, ValueError), name, word):  # type: ignore[arg-type]
-        bare(SQUARE, randomisation={name: distribution})
+        bare(SQUARE, randomisation={"jitter": (0.0, 0.05), name: distribution})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,19 @@ def test_environments_of_a_batch_have_their_own_paths() -> None:
     for _ in range(40):
         told, expected = envs.step(np.zeros((3, 2)))[4], [single.step(np.zeros(2))[4] for single in singles]
         np.testing.assert_allclose(told["reference"], [info["reference"] for info in expected], atol=1e-12)
+
+
+def test_functions_that_look_alike_are_two() -> None:
+    """The representation of a long array leaves its middle out."""
+
+    def shifted(shifts: Any, time: float) -> tuple[float, float]:
+        return 4.0 + shifts[1000], time
+
+    tables = [np.zeros(2000), np.eye(1, 2000, 1000)[0]]
+    functions = [partial(shifted, table) for table in tables]
+    envs = vector(TRACK, 2, per_env={"reference": functions}, lap_time=1.0)
+    envs.reset(seed=0)
+    assert [envs.simulator.path(i)[0, 0] for i in (0, 1)] == [4.0, 5.0]
 
 
 @pytest.mark.parametrize(

@@ -157,3 +157,6 @@ def test_what_knows_ideal_motors_alone_refuses_others(options: dict[str, Any]) -
             Settings.of({"action_mode": mode, **options})
     with refuses(ValueError, "torque_resolution = (1.0, 60.0)", "at most torque_limit", "(150.0, 50.0)"):
         Settings.of({"torque_resolution": (1.0, 60.0)})
+    drawn = {"torque_limit": ((90.0, 150.0), (30.0, 50.0)), "torque_resolution": ((1.0, 100.0), (1.0, 2.0))}
+    with refuses(ValueError, "torque_resolution = (100.0, 2.0)", "at most torque_limit", "(90.0, 30.0)"):
+        Settings.of({"randomisation": drawn})  # an episode may have the coarsest steps and the lowest limit
