@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.physics.paths import FARTHEST, LARGEST_TIME, ReferencePath
+from flexarm_env.physics.paths import FARTHEST, LARGEST_TIME, ReferencePath, sides_of
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -43,13 +43,7 @@ def at_speeds(points: ArrayLike, speeds: ArrayLike, closed: bool = True) -> Arra
     Raises:
         ValueError: for less than two points, two the same that follow each other, or speeds that are not above 0.
     """
-    corners = finite_array("points", points, (None, 2), FARTHEST)
-    if len(corners) < 2:
-        raise ValueError(f"points: must be at least 2, got {len(corners)}")
-    ends = np.vstack([corners, corners[:1]]) if closed else corners
-    lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
-    if not np.all(lengths > 0.0):
-        raise ValueError(f"points[{int(np.argmin(lengths))}]: must differ from the point that follows it")
+    ends, lengths = sides_of("points", points, closed)
     given = np.asarray(speeds)
     fast = finite_array("speeds", np.full(len(lengths), given) if given.ndim == 0 else speeds, (len(lengths),))
     for n, speed in enumerate(fast.tolist()):

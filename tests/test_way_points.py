@@ -72,7 +72,7 @@ def test_a_function_of_time_is_sampled() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: way_points.at_speeds(SQUARE[:1], 1.0), "points: must be at least 2, got 1"),
+        (lambda: way_points.at_speeds(SQUARE[:1], 1.0), "points: must be at least 2 points, got 1"),
         (lambda: way_points.at_speeds([(1.0, 1.0), (1.0, 1.0)], 1.0), r"points\[0\]: must differ"),
         (lambda: way_points.at_speeds(SQUARE, 0.0), r"speeds\[0\] = 0.0: must be"),
         (lambda: way_points.at_speeds(SQUARE, [1.0, 2e6, 1.0, 1.0]), r"speeds\[1\] = 2000000.0: must be .* <= 1000000"),

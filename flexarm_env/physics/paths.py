@@ -160,16 +160,22 @@ def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath
             return ReferencePath(given)
         except ValueError as error:
             raise ValueError(str(error).replace("table", "waypoints", 1)) from None
-    corners = finite_array("waypoints", given, (None, 2), FARTHEST)
-    if len(corners) < 2:
-        raise ValueError(f"waypoints: must be at least 2 points, got {len(corners)}")
-    closed = np.vstack([corners, corners[:1]])
-    lengths = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    if not np.all(lengths > 0.0):
-        raise ValueError(f"waypoints[{int(np.argmin(lengths))}]: must differ from the point that follows it")
+    closed, lengths = sides_of("waypoints", given)
     times = parameters.lap_time * np.concatenate([[0.0], np.cumsum(lengths) / np.sum(lengths)])
     times[-1] = parameters.lap_time
     return ReferencePath(np.column_stack([times, closed]))
+
+
+def sides_of(label: str, points: ArrayLike, closed: bool = True) -> tuple[Array, Array]:
+    """Return points [m], the first one again where they are closed, and the lengths of the sides between them [m]."""
+    corners = finite_array(label, points, (None, 2), FARTHEST)
+    if len(corners) < 2:
+        raise ValueError(f"{label}: must be at least 2 points, got {len(corners)}")
+    ends = np.vstack([corners, corners[:1]]) if closed else corners
+    lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+    if not np.all(lengths > 0.0):
+        raise ValueError(f"{label}[{int(np.argmin(lengths))}]: must differ from the point that follows it")
+    return ends, lengths
 
 
 PATHS = {"square": square, "circle": circle, "line": line, "figure_eight": figure_eight}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,7 @@ import pytest
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, vector
-from tests.support.programs import ROOT, run_bare
+from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, in_fresh_process, vector
 from tests.support.refusals import refuses
 
 REACH = "FlexArm/Reach-v0"
@@ -80,14 +78,15 @@ def test_another_process_goes_on(tmp_path: Path) -> None:
     """It has other hashes of strings, and therefore sets of them in another order."""
     env = bare()
     env.reset(seed=3)
-    np.save(tmp_path / "state.npy", env.get_state())
-    go_on = f"""import gymnasium
+    np.save(tmp_path / "state.npy", state := env.get_state())
+    code = f"""import sys
+import gymnasium
 import numpy as np
 env = gymnasium.make("flexarm_env:{SQUARE}", arm={env.settings.arm!r}).unwrapped
 env.reset(seed=0)
-print(env.set_state(np.load("state.npy"))[1]["state"].tolist())"""
-    done = run_bare(sys.executable, "-c", go_on, cwd=tmp_path, PYTHONPATH=str(ROOT))
-    assert done.stdout == f"{env.set_state(env.get_state())[1]['state'].tolist()}\n", done.stderr
+print(env.set_state(np.load(sys.argv[1]))[1]["state"].tolist())"""
+    found = in_fresh_process(code, str(tmp_path / "state.npy"))
+    assert found == str(env.set_state(state)[1]["state"].tolist())
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
