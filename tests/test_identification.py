@@ -96,6 +96,12 @@ def test_the_end_of_a_recording_counts() -> None:
     assert other.explained["deflection"] == 0.0
 
 
+def test_a_search_may_begin_at_the_end_of_a_range() -> None:
+    arm = ArmParameters(damping_ratio=1.0, modes_per_link=1)
+    found = identify([simulated(arm, np.zeros(8), TORQUE[:20], PERIOD)], arm, ["damping_ratio"])
+    assert found.values["damping_ratio"] == pytest.approx(1.0, rel=2e-4)
+
+
 @pytest.mark.slow
 def test_intervals_of_95_percent_hold_true_values_as_often() -> None:
     """In 100 recordings; counts that 95 % give less often than once in 10,000 are refused."""

@@ -55,7 +55,8 @@ def identify(
 
     Args:
         recordings: with equal periods and channels.
-        arm: whose other parameters are known; where the search begins. A parameter at 0 begins at 1e-9.
+        arm: whose other parameters are known; where the search begins. A parameter at 0 begins at 1e-9, one
+            at an end of its range just within.
         names: what is fitted, of `parameter_names`.
         delay: of the tip's reading [s]; where the search begins, if it is fitted.
         actuation_delay: from a torque to its effect [s]; likewise.
@@ -76,7 +77,8 @@ def identify(
     }
     torque, measured, period = _windows(recordings, number("window", window, "s", above=0.0))
     model = Model(names, torque, period, known, sensor_position)
-    start = np.array([max(LEAST, (known[name] if name in known else value_of(arm, name))) for name in names])
+    given = ((name, known[name] if name in known else value_of(arm, name)) for name in names)
+    start = np.array([np.clip(max(LEAST, value), *limits(name)) for name, value in given])
     spread = {name: float(np.nanstd(values)) for name, values in measured.items()}
     noise = {name: max(1e-12, 0.01 * one) for name, one in spread.items()}
     unknown = np.concatenate([start, model.first_states(arm, measured).ravel()])
