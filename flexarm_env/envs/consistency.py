@@ -25,7 +25,8 @@ def _is_observed(sensor: Sensor) -> Callable[[Any], bool]:
     return lambda settings: not set(settings.observation).isdisjoint(sensor.blocks)
 
 
-def _on_a_named_path(settings: Any) -> bool:
+def on_a_named_path(settings: Any) -> bool:
+    """Return whether an episode may follow one of `PATHS`."""
     return not set(settings.reference).isdisjoint(PATHS)
 
 
@@ -33,15 +34,13 @@ def _late(settings: Any) -> bool:
     return SENSOR_MODELS[settings.sensor].late
 
 
-_WITH_A_LATE_SENSOR = "with a sensor that is late, not with a collocated one"
-_NAMED = f"with a reference among {', '.join(map(repr, PATHS))}"
+NAMED = f"with a reference among {', '.join(map(repr, PATHS))}"
 # Options with the condition under which they have an effect, and that condition in words.
 _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "previews": (lambda s: "previews" in s.observation, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
-    "jitter": (_late, _WITH_A_LATE_SENSOR),
-    "hold": (_late, _WITH_A_LATE_SENSOR),
+    **dict.fromkeys(("jitter", "hold"), (_late, "with a sensor that is late, not with a collocated one")),
     **{
         f"{sensor.name}_link": (
             _is_observed(sensor),
@@ -59,11 +58,8 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
         lambda s: lap_of(s.waypoints) in (None, s.lap_time),
         "with way-points without times; otherwise the last one's time is the lap time",
     ),
-    "side": (_on_a_named_path, _NAMED),
-    "start_corner": (_on_a_named_path, _NAMED),
-    "direction": (_on_a_named_path, _NAMED),
-    "compensation": (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'"),
-    "delayed": (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'"),
+    **dict.fromkeys(("side", "start_corner", "direction"), (on_a_named_path, NAMED)),
+    **dict.fromkeys(("compensation", "delayed"), (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'")),
     "rate_jacobian": (
         lambda s: s.law_sensor == "sensor" and SENSOR_MODELS[s.sensor].reading == "angles",
         "with law_sensor = 'sensor' and a sensor that reads joint angles, not a 'true' one",

@@ -58,10 +58,10 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
 
 
 def _plain(value: Any) -> Any:
-    """Return what is equal for equal values: functions are themselves, as two of them may look alike."""
+    """Return what is equal for equal values: functions go by identity, as two of them may look alike."""
     if isinstance(value, Mapping):
         return tuple((name, _plain(one)) for name, one in value.items())
-    return tuple(map(_plain, value)) if isinstance(value, tuple) else value if callable(value) else repr(value)
+    return tuple(map(_plain, value)) if isinstance(value, tuple) else id(value) if callable(value) else repr(value)
 
 
 def common_values(settings: Settings) -> dict[str, Any]:
@@ -143,10 +143,10 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
             "same"
         )
     if name == "paths":
-        kinds = ", ".join(map(repr, OF_EACH))
+        kinds, drawn = ", ".join(map(repr, OF_EACH)), " or ".join(OF_PATHS)
         return (
-            f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds}, and "
-            f"all draw {' or '.join(OF_PATHS)} or none"
+            f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds} or {drawn} "
+            f"is drawn, and all draw {drawn} or none"
         )
     if name in ("real motors", "dry friction"):
         return f"{name}: all environments must have some, or none; a tiny value stands for 0"

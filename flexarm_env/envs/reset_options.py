@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.consistency import NAMED, on_a_named_path
 from flexarm_env.envs.corners import further_draws
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES, START_CODES
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
-from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.limits import state_limits
 from flexarm_env.validation import choice, entries, mapping, real_array, shown
 
@@ -137,11 +137,8 @@ def _path_indices(value: Any, simulator: BatchSimulator) -> list[int]:
 
 
 def _directions(value: Any, simulator: BatchSimulator) -> list[float]:
-    if set(simulator.settings.reference).isdisjoint(PATHS):
-        raise ValueError(
-            f"options['direction'] = {shown(value)}: has no effect here; only with a reference among "
-            f"{', '.join(map(repr, PATHS))}"
-        )
+    if not on_a_named_path(simulator.settings):
+        raise ValueError(f"options['direction'] = {shown(value)}: has no effect here; only {NAMED}")
     return _codes("direction", value, DIRECTION_CODES, simulator)
 
 
