@@ -7,7 +7,6 @@ A path is a polyline travelled at constant speed on each side, closed or open. T
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,7 +88,10 @@ class ReferencePath:
                 f"shoulder; the tip reaches {arm.reach:.4g} m and misses it by {miss:.4g} m"
             )
         hole = abs(arm.link_lengths[0] - arm.link_lengths[1])
-        nearest = min(_distance_to_origin(a, b) for a, b in pairwise(corners))
+        sides = np.diff(corners, axis=0)
+        squared = np.maximum(np.sum(sides**2, axis=1), 1e-300)  # 0 where the reference waits
+        along = np.clip(-np.sum(corners[:-1] * sides, axis=1) / squared, 0.0, 1.0)[:, None]
+        nearest = float(np.linalg.norm(corners[:-1] + along * sides, axis=1).min())
         if nearest < hole:
             raise ValueError(
                 f"path: it passes the shoulder at {nearest:.4g} m; links of {arm.link_lengths} m keep the tip "
@@ -102,13 +104,6 @@ def with_velocities(table: Array) -> Array:
     steps = np.diff(table, axis=0)
     velocities = steps[:, 1:] * (1.0 / steps[:, :1])
     return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
-
-
-def _distance_to_origin(a: Array, b: Array) -> float:
-    side = b - a
-    squared = float(side @ side)
-    along = np.clip(-float(a @ side) / squared, 0.0, 1.0) if squared else 0.0  # where the reference waits
-    return float(np.linalg.norm(a + along * side))
 
 
 def square(parameters: SquareParameters) -> ReferencePath:
