@@ -178,7 +178,7 @@ class FlexArmEnvBase:
         alone = asked.keys() == {"randomisation"}
         ranges = asked.pop("randomisation", {})
         requests = reset_requests_of(asked, self.simulator)
-        self.simulator.draws.ranges = ranges
+        self.simulator.draws.narrow(ranges)
         if not alone:
             self._lasting = requests if asked else None
 

@@ -61,7 +61,7 @@ class BatchSimulator(LaneBatch):
         settings: settings of environment 0; those of all environments without `per_env`.
         each: settings of each environment.
         layout: of the observations.
-        draws: what episodes draw; `draws.ranges` can be assigned.
+        draws: what episodes draw.
         failures: reason for the end of an episode, by its status; status 0 is that of a valid state.
         everyone: mask of all environments; read-only. Shape (N,).
         usual_requests: requests for new episodes by the settings alone; read-only. Shape (N, columns).

@@ -81,25 +81,20 @@ class Draws:
         }
         self._set([one.randomisation for one in kinds])
 
-    @property
-    def ranges(self) -> Mapping[str, Any]:
-        """What environment 0 draws from; assign others, for all environments and the episodes to come.
+    def narrow(self, given: Mapping[str, Any]) -> None:
+        """Let all environments draw the episodes to come from these distributions; what is left out keeps its own.
 
-        Names that are not assigned keep their distributions. Memory, integration step and bounds are those of the
-        distributions at make, so that new ones must be of the same names and within them.
+        Memory, integration step and bounds are those of the distributions at make, so that others must be within them.
         """
-        return self._ranges[self._kind_of[0]]
-
-    @ranges.setter
-    def ranges(self, given: Mapping[str, Any]) -> None:
-        new = checked_ranges("ranges", given)
+        label = "options['randomisation']"
+        new = checked_ranges(label, given)
         for name, made in ((name, one.randomisation) for one in self._kinds for name in new):
             if name not in made:
-                raise ValueError(f"ranges[{name!r}]: it was not drawn at make (`randomisation`)")
+                raise ValueError(f"{label}[{name!r}]: it was not drawn at make")
             for wanted, known in zip(each_of(name, new[name]), each_of(name, made[name]), strict=True):
                 (low, high), (least, most) = ends_of(wanted), ends_of(known)
                 if low < least or high > most:
-                    raise ValueError(f"ranges[{name!r}] = {shown(new[name])}: must be from {least} to {most}")
+                    raise ValueError(f"{label}[{name!r}] = {shown(new[name])}: must be from {least} to {most}")
         self._set([old | new for old in self._ranges])
 
     def _set(self, ranges: Sequence[Mapping[str, Any]]) -> None:

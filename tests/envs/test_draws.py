@@ -163,10 +163,10 @@ def test_states_and_copies_keep_what_was_drawn() -> None:
     assert copy.episode == env.episode
 
 
-def test_ranges_of_a_running_batch_are_assigned_and_values_requested() -> None:
+def test_ranges_of_a_running_batch_are_narrowed_and_values_requested() -> None:
     batch = vector(SQUARE, 2, randomisation={"payload_mass": (0.0, 1.0), "joint_friction": ((0.0, 1.0), (0.0, 1.0))})
-    draws = batch.simulator.draws
-    draws.ranges = {"payload_mass": (0.2, 0.3), "joint_friction": [[0.5, 0.5], ("choice", [0.25])]}
+    ranges = {"payload_mass": (0.2, 0.3), "joint_friction": [[0.5, 0.5], ("choice", [0.25])]}
+    batch.set_options({"randomisation": ranges})
     batch.reset(seed=0)
     drawn = batch.episode.parameters
     assert 0.2 <= drawn["payload_mass"][0] != drawn["payload_mass"][1] <= 0.3
@@ -176,7 +176,7 @@ def test_ranges_of_a_running_batch_are_assigned_and_values_requested() -> None:
         ({"noise": (0.0, 0.1)}, "was not drawn at make"),
     ):
         with refuses(ValueError, *bad, word):
-            draws.ranges = bad
+            batch.set_options({"randomisation": bad})
     batch.reset(options={"parameters": {"joint_friction": [[0.1, 0.2], [0.3, 0.4]]}})
     np.testing.assert_array_equal(batch.episode.parameters["joint_friction"], [[0.1, 0.2], [0.3, 0.4]])
     for wrong, word in (
