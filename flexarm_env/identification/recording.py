@@ -50,7 +50,9 @@ class Recording:
             if len(self.torque) < 2 or array.shape != (len(self.torque), 2):
                 raise ValueError(f"{name}: must have shape ({max(2, len(self.torque))}, 2), got {array.shape}")
             if np.isinf(array).any() or np.isnan(array).all():
-                raise ValueError(f"{name}: must be finite, or NaN at instants without a reading, but not at all")
+                raise ValueError(
+                    f"{name}: must be finite, or NaN where a reading is missing; without one leave it out"
+                )
             object.__setattr__(self, name, array)
         if np.isnan(self.torque).any():
             raise ValueError("torque: must be finite at all instants")
@@ -78,7 +80,9 @@ class Recording:
         """
         table = np.genfromtxt(path, delimiter=",", names=True, dtype=float)
         given = table.dtype.names or ()
-        missing = [name for name in COLUMNS[:3] if name not in given]
+        pairs = {name: (f"{name}_1", f"{name}_2") for name in ("torque", *CHANNELS)}
+        there = [name for name, pair in pairs.items() if name == "torque" or not set(pair).isdisjoint(given)]
+        missing = [one for one in ("time", *(one for name in there for one in pairs[name])) if one not in given]
         strange = [name for name in given if name not in COLUMNS]
         if missing or strange or table.ndim != 1 or len(table) < 2:
             raise ValueError(f"{path}: must be a table of {', '.join(COLUMNS)}; missing {missing}, unknown {strange}")
@@ -87,12 +91,11 @@ class Recording:
             raise ValueError(
                 f"{path}: time: instants must be equally far apart, got {steps.min():g} to {steps.max():g} s"
             )
-        parts = {
-            name: np.stack([table[f"{name}_1"], table[f"{name}_2"]], axis=1)
-            for name in ("torque", *CHANNELS)
-            if f"{name}_1" in given and f"{name}_2" in given
-        }
-        return cls(float(steps.mean()), **parts)
+        parts = {name: np.stack([table[one] for one in pairs[name]], axis=1) for name in there}
+        try:
+            return cls(float(steps.mean()), **parts)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
 
 
 def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -> Recording:
