@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.analysis.plant import Plant, poles
-from flexarm_env.validation import finite_array, instance
+from flexarm_env.validation import finite_array, instance, shown
 
 Array = NDArray[np.float64]
 
@@ -66,20 +66,23 @@ def bode(plant: Plant, omega: ArrayLike | None = None) -> tuple[FrequencyRespons
 
     Args:
         plant: see `linear_plant`.
-        omega: [rad/s], increasing; None: 2000 values from a twentieth of the slowest elastic pole's to twice the
+        omega: [rad/s], > 0, increasing; None: 2000 values from a twentieth of the slowest elastic pole's to twice the
             fastest's. Shape (k,).
 
     Returns:
         The response; the `matplotlib.figure.Figure`, None where matplotlib is not installed.
 
     Raises:
-        TypeError, ValueError: see `frequency_response`.
+        TypeError, ValueError: for other frequencies, or another plant.
     """
     instance("plant", plant, Plant)
     if omega is None:
         elastic = poles(plant).frequencies[4:]  # the first four are those of the free joints
         omega = np.geomspace(0.05 * elastic[0], 2.0 * elastic[-1], 2000)
-    response = frequency_response(plant, omega)
+    frequencies = finite_array("omega", omega, (None,))
+    if not len(frequencies) or not np.all(np.diff(frequencies, prepend=0.0) > 0.0):
+        raise ValueError(f"omega = {shown(omega)}: must be > 0 and increasing [rad/s]")
+    response = frequency_response(plant, frequencies)
     try:
         import matplotlib.pyplot as plt
     except ImportError:

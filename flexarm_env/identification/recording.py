@@ -50,9 +50,7 @@ class Recording:
             if len(self.torque) < 2 or array.shape != (len(self.torque), 2):
                 raise ValueError(f"{name}: must have shape ({max(2, len(self.torque))}, 2), got {array.shape}")
             if np.isinf(array).any() or np.isnan(array).all():
-                raise ValueError(
-                    f"{name}: must be finite, or NaN where a reading is missing; without one leave it out"
-                )
+                raise ValueError(f"{name}: must be finite, or NaN where a reading is missing; without one leave it out")
             object.__setattr__(self, name, array)
         if np.isnan(self.torque).any():
             raise ValueError("torque: must be finite at all instants")
