@@ -4,6 +4,8 @@ Importing this package registers its environments with Gymnasium; `gymnasium.mak
 imports it by itself.
 """
 
+from typing import TYPE_CHECKING
+
 from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.registration import register_environments
 from flexarm_env.envs.settings import Settings
@@ -55,11 +57,13 @@ _REMOVED = {  # until the next release
 }
 
 
-def __getattr__(name: str) -> None:
-    """Say what is there in the place of a removed name."""
-    if name in _REMOVED:
-        raise ImportError(f"flexarm_env.{name} is removed: {_REMOVED[name]}")
-    raise AttributeError(f"module 'flexarm_env' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker would take every wrong name for one of these
+
+    def __getattr__(name: str) -> None:
+        """Say what is there in the place of a removed name."""
+        if name in _REMOVED:
+            raise ImportError(f"flexarm_env.{name} is removed: {_REMOVED[name]}")
+        raise AttributeError(f"module 'flexarm_env' has no attribute {name!r}")
 
 
 register_environments()

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flexarm_env.validation import integer, shown
+from flexarm_env.validation import integer, listed, shown
 
 LONGEST = 1000  # steps
 
@@ -38,7 +38,7 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
         space = env.single_observation_space
         if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
             raise TypeError(f"env: must observe vectors, got {space}")
-        self.ages = [integer(f"ages[{n}]", age, 0, LONGEST) for n, age in enumerate(ages)]
+        self.ages = [integer(f"ages[{n}]", age, 0, LONGEST) for n, age in enumerate(listed("ages", ages))]
         if not self.ages or self.ages != sorted(set(self.ages)):
             raise ValueError(f"ages = {shown(ages)}: must increase, and be one at least")
         low, high = (np.tile(bound, len(self.ages)) for bound in (space.low, space.high))

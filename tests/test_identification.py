@@ -147,6 +147,7 @@ def test_an_environment_is_recorded() -> None:
 
 
 SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
+LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
 
 
 @pytest.mark.parametrize(
@@ -156,6 +157,9 @@ SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
         (lambda: identify([SOME], ARM, []), "give each name once"),
         (lambda: identify([SOME], ARM, ["payload_mass"], delay=-1.0), "delay = -1.0"),
         (lambda: identify([SOME], ARM, ["payload_mass"], window=0.0), "window = 0.0"),
+        (lambda: identify([SOME], ARM, ["payload_mass"], window=0.001), r"window = 0.001: must be .* >= 0\.02"),
+        (lambda: identify([SOME], ARM, ["payload_mass"], sensor_position=9.0), "sensor_position = 9.0"),
+        (lambda: identify([LATE_TIP], ARM, ["payload_mass"], delay=0.1), r"window: too short.*'tip'.*earlier"),
         (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
         (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
         (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
@@ -168,6 +172,9 @@ SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
 def test_bad_input_is_refused(call: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         call()
+
+
+HEAD = b"time,torque_1,torque_2,joint_1,joint_2\n"
 
 
 @pytest.mark.parametrize(
@@ -184,3 +191,27 @@ def test_another_table_is_refused(tmp_path: Path, names: str, message: str) -> N
     (tmp_path / "run.csv").write_text("\n".join([names, *(",".join([str(n)] * width) for n in range(3))]))
     with pytest.raises(ValueError, match=message):
         Recording.load(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", r"missing \['time', 'torque_1', 'torque_2'\]"),
+        (b"0 0;0", "unknown"),
+        (HEAD, "two rows of numbers at least, got 0"),
+        (HEAD + b"0,1,1,0,0\n", "two rows of numbers at least, got 1"),
+        (HEAD + b"0,1,1,0,0\n1,1,1,abc,0\n", "row 2 below the header, '1,1,1,abc,0': could not convert"),
+        (HEAD + b"0,1,1,0,0\n1,1,1\n", "row 2 below the header, '1,1,1': zip"),
+        (b"time,time,torque_1,torque_2\n", r"unknown \['time'\]"),
+        (bytes(range(128, 256)), "not a CSV file"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_its_name(tmp_path: Path, text: bytes, message: str) -> None:
+    (tmp_path / "run.csv").write_bytes(text)
+    with pytest.raises(ValueError, match=f"run.csv: .*{message}"):
+        Recording.load(tmp_path / "run.csv")
+
+
+def test_an_empty_cell_is_a_missing_reading(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_bytes(b"# " + HEAD + b"0,1,1,,2\r\n0.1,1,1,nan, 3\n\n")
+    np.testing.assert_array_equal(Recording.load(tmp_path / "run.csv").joint, [[np.nan, 2.0], [np.nan, 3.0]])  # type: ignore[arg-type]

@@ -55,3 +55,5 @@ def test_bad_ages_are_refused() -> None:
     for ages in ([], [1, 0], [0, 0]):
         with refuses(ValueError, f"ages = {ages}: must increase"):
             PastObservations(vector(), ages)
+    with refuses(TypeError, "ages = 4: must be a list or a tuple"):
+        PastObservations(vector(), 4)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore
+from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore, metres
 from flexarm_env.laps import LAPS
 
 LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Lost laps have no errors."
@@ -71,7 +71,7 @@ def _errors_of(laps: Sequence[Score]) -> dict[str, Spread]:
 def _figures(score: Score) -> tuple[str, ...]:
     """Write the row of one lap, with a dash for what a run that ended early does not have."""
     return (
-        *("-" if (value := getattr(score, figure)) is None else f"{value:.3f}" for figure in FIGURES),
+        *("-" if (value := getattr(score, figure)) is None else metres(value) for figure in FIGURES),
         pair(score.torque_change, 1),
         pair(score.peak_deflection, 2),
         pair(score.peak_torque, 0),
@@ -104,10 +104,12 @@ def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def pair(values: tuple[float, float] | None, digits: int) -> str:
-    """Write two numbers, of shoulder and elbow or of the links."""
-    return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
+    """Write two numbers, of shoulder and elbow or of the links; one that would round to 0 by its first digit."""
+    if values is None:
+        return "-"
+    return " / ".join(f"{value:.1g}" if 0.0 < value < 0.5 * 0.1**digits else f"{value:.{digits}f}" for value in values)
 
 
 def _metres(value: float | None) -> str:
     """Return a statistic; where it is missing, laps that ended early decide it."""
-    return "ended" if value is None else f"{value:.3f}"
+    return "ended" if value is None else metres(value)

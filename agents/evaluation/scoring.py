@@ -79,10 +79,15 @@ class Score(NamedTuple):
 
     def __str__(self) -> str:
         """In one line: the errors of a complete episode; of another, why and when it ended."""
-        if self.rms is None:
+        if self.rms is None or self.maximum is None:
             return f"lost after {self.duration:.2f} s: {self.ended}"
-        later = "" if self.rms_after_2s is None else f", {self.rms_after_2s:.3f} m after 2 s"
-        return f"{self.rms:.3f} m r.m.s. over {self.duration:g} s{later}, {self.maximum:.3f} m at most"
+        later = "" if self.rms_after_2s is None else f", {metres(self.rms_after_2s)} m after 2 s"
+        return f"{metres(self.rms)} m r.m.s. over {self.duration:g} s{later}, {metres(self.maximum)} m at most"
+
+
+def metres(value: float) -> str:
+    """Write an error in metres: to the millimetre, below a centimetre (laboratory arms) with two digits."""
+    return f"{value:.3f}" if value >= 0.01 else f"{value:.2g}"
 
 
 class StandardScore(NamedTuple):

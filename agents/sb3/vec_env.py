@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from typing import Any, Literal
 
 import gymnasium
@@ -172,19 +173,23 @@ class FlexArmVecEnv(VecEnv):
         """Set an attribute of the vector environment.
 
         Raises:
-            AttributeError: for an option, which is fixed when the batch is made, but `randomisation`.
+            AttributeError: for an option, which is fixed when the batch is made, but `randomisation`; for a new name
+                that resembles an option's.
             ValueError: for some environments only; they share their attributes.
         """
-        chosen = sorted(set(self._get_indices(indices)))
-        if attr_name != "randomisation" and attr_name in {one.name for one in fields(Settings)}:
+        options = [one.name for one in fields(Settings)]
+        if (
+            attr_name not in options
+            and not self.has_attr(attr_name)
+            and (near := get_close_matches(attr_name, options, 1, 0.8))
+        ):
+            raise AttributeError(f"attr_name = {shown(attr_name)}: no such attribute; did you mean {shown(near[0])}?")
+        if attr_name != "randomisation" and attr_name in options:
             raise AttributeError(
                 f"attr_name = {shown(attr_name)}: an option, fixed when the batch is made; make another batch and give "
                 "it to the model by `set_env`, or the next reset its quantities by `set_options({'parameters': ...})`"
             )
-        if chosen != list(range(self.num_envs)):
-            raise ValueError(
-                f"indices = {shown(indices)}: must be None; the environments share the attribute {shown(attr_name)}"
-            )
+        self._check_all(indices, attr_name)
         if attr_name == "randomisation":
             self.env.set_options({attr_name: value})
         else:
@@ -197,15 +202,21 @@ class FlexArmVecEnv(VecEnv):
 
         Args:
             method_name: `render` (returns pictures), `reset` (of these environments, each with the same arguments;
-                returns observation and info), or `get_wrapper_attr` and `has_wrapper_attr` with a name.
+                returns observation and info), `set_options` (of all, for all later episodes, as of the vector
+                environment), or `get_wrapper_attr` and `has_wrapper_attr` with a name.
             *method_args: arguments of the method.
             indices: which environments; None: all.
             **method_kwargs: keyword arguments of the method.
 
         Raises:
             AttributeError: for another method.
+            ValueError: for options of some environments only; they share them.
         """
         chosen = [int(i) for i in self._get_indices(indices)]
+        if method_name == "set_options":
+            self._check_all(indices, method_name)
+            self.env.set_options(*method_args, **method_kwargs)
+            return [None] * len(chosen)
         if method_name == "render":
             images = self.get_images()
             return [images[i] for i in chosen]
@@ -217,7 +228,7 @@ class FlexArmVecEnv(VecEnv):
             return [self._restart(i, *method_args, **method_kwargs) for i in chosen]
         raise AttributeError(
             f"method_name = {shown(method_name)}: "
-            "must be one of 'render', 'reset', 'get_wrapper_attr', 'has_wrapper_attr'"
+            "must be one of 'render', 'reset', 'set_options', 'get_wrapper_attr', 'has_wrapper_attr'"
         )
 
     def env_is_wrapped(
@@ -225,6 +236,12 @@ class FlexArmVecEnv(VecEnv):
     ) -> list[bool]:
         """Return whether a Gymnasium wrapper is around each environment: none is, the time limit is built in."""
         return [False for _ in self._get_indices(indices)]
+
+    def _check_all(self, indices: VecEnvIndices, name: str) -> None:
+        if sorted(set(self._get_indices(indices))) != list(range(self.num_envs)):
+            raise ValueError(
+                f"indices = {shown(indices)}: must be None; the environments share the attribute {shown(name)}"
+            )
 
     def _restart(
         self, index: int, *, seed: int | None = None, options: dict[str, Any] | None = None

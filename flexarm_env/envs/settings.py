@@ -111,7 +111,7 @@ class Settings(Options):
             except ValueError as error:
                 found.append(str(error))
         if found:
-            raise ValueError("; ".join(found))
+            raise ValueError("; ".join(dict.fromkeys(found)))
 
     def _check_sensor(self) -> None:
         refuse_off_link("sensor_position", self.sensor_position, 2, self.flexible_arm.parameters)

@@ -75,7 +75,7 @@ def identify(
         "delay": number("delay", delay, "s", least=0.0, most=MAX_DELAY),
         "actuation_delay": number("actuation_delay", actuation_delay, "s", least=0.0, most=MAX_DELAY),
     }
-    torque, measured, period = _windows(recordings, number("window", window, "s", above=0.0))
+    torque, measured, period = _windows(recordings, window)
     model = Model(names, torque, period, known, sensor_position)
     given = ((name, known[name] if name in known else value_of(arm, name)) for name in names)
     start = np.array([np.clip(max(LEAST, value), *limits(name)) for name, value in given])
@@ -131,8 +131,15 @@ class Fit:
         self._latest: tuple[Array, Array, Array] | None = None
 
     def left(self, unknown: Array) -> dict[str, Array]:
-        """Return what the model leaves of each channel. Shape (windows, n, 2)."""
-        return {name: one for name, (one, _) in self.parts(unknown).items()}
+        """Return what the model leaves of each channel. Shape (windows, n, 2).
+
+        Raises:
+            ValueError: for a channel of which it leaves nothing.
+        """
+        found = {name: one for name, (one, _) in self.parts(unknown).items()}
+        if late := [name for name, one in found.items() if np.isnan(one).all()]:
+            raise ValueError(f"window: too short, all readings of {shown(late)} are of earlier instants")
+        return found
 
     def residuals(self, unknown: Array) -> Array:
         """Return residuals whose squares have the sum of all those of the readings."""
@@ -186,6 +193,7 @@ def _windows(recordings: Sequence[Recording], window: float) -> tuple[Array, dic
     first = recordings[0]
     if any(one.channels != first.channels or abs(one.period / first.period - 1.0) > 1e-3 for one in recordings):
         raise ValueError("recordings: must all have the same channels and the same period")
+    number("window", window, "s", least=2.0 * first.period)
     size = max(2, round(min(window, *(one.period * len(one.torque) for one in recordings)) / first.period))
 
     def whole(name: str, missing: float = np.nan) -> Array:

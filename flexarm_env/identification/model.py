@@ -15,7 +15,7 @@ from flexarm_env.identification.recording import CHANNELS, Recording
 from flexarm_env.parameters import MAX_DELAY, ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.held_torque import step_each
-from flexarm_env.validation import real_array
+from flexarm_env.validation import number, real_array
 
 Array = NDArray[np.float64]
 DELAYS = ("actuation_delay", "delay")
@@ -180,6 +180,8 @@ class Model:
 
     def first_states(self, arm: ArmParameters, measured: Mapping[str, Array]) -> Array:
         """Return states that give the windows' first readings and their differences. Shape (windows, size)."""
+        if self._place is not None:
+            number("sensor_position", self._place, "m", least=0.0, most=arm.link_lengths[1])
         plain = FlexibleArm(arm)
         half, few = plain.size, min(5, self.torque.shape[1] - 1)
         state = np.zeros((len(self.torque), 2 * half))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,19 +72,31 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Read what `save` writes.
+        """Read what `save` writes; an empty cell is a missing reading.
 
         Raises:
             OSError, ValueError: for a file that is not one, or whose instants are not equally far apart.
         """
-        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float)
-        given = table.dtype.names or ()
+        try:
+            with Path(path).open(newline="", encoding="utf-8-sig") as file:
+                given, *rows = [[cell.strip("# ") for cell in row] for row in csv.reader(file) if row] or [[]]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"{path}: not a CSV file ({error})") from None
         pairs = {name: (f"{name}_1", f"{name}_2") for name in ("torque", *CHANNELS)}
         there = [name for name, pair in pairs.items() if name == "torque" or not set(pair).isdisjoint(given)]
         missing = [one for one in ("time", *(one for name in there for one in pairs[name])) if one not in given]
-        strange = [name for name in given if name not in COLUMNS]
-        if missing or strange or table.ndim != 1 or len(table) < 2:
+        strange = [name for n, name in enumerate(given) if name not in COLUMNS or name in given[:n]]
+        if missing or strange:
             raise ValueError(f"{path}: must be a table of {', '.join(COLUMNS)}; missing {missing}, unknown {strange}")
+        if len(rows) < 2:
+            raise ValueError(f"{path}: must have two rows of numbers at least, got {len(rows)}")
+        table: dict[str, Array] = dict(zip(given, np.empty((len(given), len(rows))), strict=True))
+        for n, row in enumerate(rows):
+            try:
+                for name, cell in zip(given, row, strict=True):
+                    table[name][n] = float(cell or "nan")
+            except ValueError as error:
+                raise ValueError(f"{path}: row {n + 1} below the header, {','.join(row)!r}: {error}") from None
         steps = np.diff(table["time"])
         if not np.all(np.abs(steps - steps.mean()) < 0.01 * steps.mean()):
             raise ValueError(

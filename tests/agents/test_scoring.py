@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents import Score, Spread, StandardScore, evaluate, score
+from flexarm_agents.commands.score_table import pair
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_env import FlexibleArm, run_policy
@@ -32,6 +33,9 @@ def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
     assert whole.rank < died.rank
     assert str(died) == "lost after 4.12 s: deflection"
     assert str(whole) == "0.321 m r.m.s. over 16 s, 0.321 m after 2 s, 0.321 m at most"
+    small = whole._replace(rms=0.00114, rms_after_2s=0.000256, maximum=0.0096)
+    assert str(small) == "0.0011 m r.m.s. over 16 s, 0.00026 m after 2 s, 0.0096 m at most"
+    assert pair((0.0, 0.0004), 2) == "0.00 / 0.0004"
     both, one, none = StandardScore(whole, whole), StandardScore(lap(0.1), died), StandardScore(died, died)
     assert rank([both]) < rank([one]) < rank([none])
     assert rank([both, both]) < rank([both, one]) < rank([one, one])

@@ -149,11 +149,22 @@ def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
 def test_options_are_not_set_in_vain(env: FlexArmVecEnv) -> None:
     with pytest.raises(AttributeError, match=r"attr_name = 'reward_weights': an option.*set_env.*set_options"):
         VecMonitor(env).set_attr("reward_weights", {"effort": 1.0})
+    with pytest.raises(AttributeError, match=r"'randomization': no such attribute; did you mean 'randomisation'\?"):
+        env.set_attr("randomization", {"payload_mass": (0.0, 0.0)})
     env.set_attr("randomisation", {"payload_mass": (0.0, 0.0)})
     env.set_options({"parameters": {"delay": 0.02}})
     env.reset()
     assert [episode.parameters["payload_mass"] for episode in env.get_attr("episode")] == [0.0] * COUNT
     assert [episode.parameters["delay"] for episode in env.get_attr("episode")] == [0.02] * COUNT
+
+
+def test_options_of_later_episodes_are_set_through_a_wrapper(env: FlexArmVecEnv) -> None:
+    VecMonitor(env).env_method("set_options", {"start": "corner"})
+    for _ in range(3):
+        env.reset()
+        assert [episode.start_time for episode in env.get_attr("episode")] == [0.0] * COUNT
+    with pytest.raises(ValueError, match=r"indices = 1: must be None"):
+        env.env_method("set_options", {}, indices=1)
 
 
 @pytest.mark.parametrize(("threads", "chosen", "warns"), [(2, None, 1), (2, "2", 0), (1, None, 0)])

@@ -82,7 +82,7 @@ MESSAGES = [
     refused(r"reference = 'moves': must be one of .*'waypoints'$", {"reference": ["square", "moves"]}),
     refused(r"waypoints = None: must be given with the reference 'waypoints'", {"reference": "waypoints"}),
     refused(r"waypoints = .*only with it; reference = \('square',\)", {"waypoints": WAYPOINTS}),
-    refused(r"waypoints: must be at least 2 points", {"reference": "waypoints", "waypoints": [(1.0, 1.0)]}),
+    refused(r"^waypoints: must be at least 2 points, got 1$", {"reference": "waypoints", "waypoints": [(1.0, 1.0)]}),
     refused(r"way-point .* misses it by", {"reference": "waypoints", "waypoints": [(9.0, 9.0), (0.0, 1.0)]}),
     refused(r"path: way-point .* misses it by 0\.05097 m", {"side": 12.8}),
     refused(r"randomisation\['mass'\]: no such quantity; there are 'delay'", {"randomisation": {"mass": (0.0, 1.0)}}),

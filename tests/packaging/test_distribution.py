@@ -113,7 +113,7 @@ def test_the_command_works_outside_the_repository(
 
 USER = """
 from flexarm_agents import load_policy
-from flexarm_env import ArmParameters, EnvOptions, FlexibleArm, Trajectory
+from flexarm_env import ArmParameters, EnvOptions, FlexibleArm, Trajectori, Trajectory
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
 FlexArmVectorEnv(2, **EnvOptions(arm="linear", torque_limit=[100.0, 40.0]))
@@ -130,7 +130,8 @@ def test_type_checkers_see_the_types_of_a_wheel(installed: Path, tmp_path: Path)
     command = ["-m", "mypy", "--follow-imports=silent", "--ignore-missing-imports", "user.py"]
     result = run_bare(sys.executable, *command, cwd=tmp_path, MYPYPATH=str(installed))
     said = result.stdout
-    assert said.count("error:") == 2, said
+    assert said.count("error:") == 3, said
+    assert 'has no attribute "Trajectori"' in said
     assert 'Unexpected keyword argument "dealy" for "FlexArmVectorEnv"' in said
     assert 'expression has type "int", variable has type "str"' in said
     assert "numpy.ndarray" in said or "ndarray[" in said
