@@ -161,6 +161,10 @@ LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
         (lambda: identify([SOME], ARM, ["payload_mass"], sensor_position=9.0), "sensor_position = 9.0"),
         (lambda: identify([LATE_TIP], ARM, ["payload_mass"], delay=0.1), r"window: too short.*'tip'.*earlier"),
         (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
+        (
+            lambda: identify([SOME], ArmParameters(modes_per_link=1), ["payload_mass"]),
+            "recordings: 8 readings for as many unknown numbers, 8; must be more",
+        ),
         (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
         (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
         (lambda: Recording(PERIOD, TORQUE[:1], joint=np.zeros((1, 2))), r"torque: must have shape \(2, 2\)"),

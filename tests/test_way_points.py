@@ -96,7 +96,6 @@ def test_bad_input_is_refused(call: Any, message: str) -> None:
             r"waypoints\[:, 0\] = .*: times must increase from 0",
         ),
         ({"waypoints": [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0)]}, "times must increase from 0"),
-        ({"waypoints": [(0.0, 1.0, 1.0), (1.0, 9.0, 9.0)]}, r"way-point \(9.0, 9.0\) m .* misses it by"),
         ({"waypoints": [(0.0, 1.0, 1.0), (1e-9, 2.0, 1.0)]}, r"waypoints\[-1\]\[0\] = 1e-09: must be"),
         ({"waypoints": [(0.0, 1.0, 1.0), (1.0, 2.0, 1.0)], "lap_time": 8.0}, "lap_time = 8.0: has no effect here"),
         ({"waypoints": [(0.0, 1.0, 1.0, 1.0)]}, "waypoints"),

@@ -103,6 +103,8 @@ def identify(
         raise ValueError(f"names = {shown(list(names))}: the recordings do not tell them apart; fit fewer of them")
     deviation = (np.linalg.norm(directions[seen] / size[seen, None], axis=0) / scale)[: len(names)]
     count = sum(np.isfinite(one).sum() for one in fit.left(unknown).values())
+    if count <= np.sum(seen):
+        raise ValueError(f"recordings: {count} readings for as many unknown numbers, {np.sum(seen)}; must be more")
     deviation *= np.sqrt(count / (count - np.sum(seen)))  # what is left is less than the noise by what was fitted
     width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
     values = unknown[: len(names)]
