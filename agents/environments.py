@@ -24,8 +24,8 @@ from flexarm_env.validation import mapping, shown
 
 # Options that are a policy's own: what it observes, and what its action means.
 INTERFACE = (
-    *("action_mode", "torque_rate_limit", "gain_limit", "shift_limit", "inner_stiffness", "inner_resistance"),
-    *("proportional_gain", "derivative_gain", "compensation", "law_sensor", "rate_jacobian", "delayed", "sensor"),
+    *("action_mode", "torque_rate_limit", "gain_limit", "shift_limit", "inner_stiffness", "inner_damping"),
+    *("proportional_gain", "derivative_gain", "compensation", "feedback_source", "rate_jacobian", "delayed", "sensor"),
     *("observation", "frame", "previews", "last_actions", "scaled"),
 )
 _ENTRY_POINTS = {one.entry for one in IDS.values()}

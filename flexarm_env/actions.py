@@ -101,7 +101,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_limit",
         program="tracking",
         law="joints",
-        options=("inner_stiffness", "inner_resistance"),
+        options=("inner_stiffness", "inner_damping"),
     ),
     "reference": ActionMode(
         text="shift of that law's joint target, reached linearly within the control period",
@@ -113,7 +113,7 @@ MODES: dict[str, ActionMode] = {
         program="tracking",
         law="joints",
         shifts=True,
-        options=("shift_limit", "inner_stiffness", "inner_resistance"),
+        options=("shift_limit", "inner_stiffness", "inner_damping"),
     ),
     "gain": ActionMode(
         text="the gain lambda of the paper's law (10), (14), which acts in continuous time",
@@ -132,7 +132,7 @@ MODES: dict[str, ActionMode] = {
         torque_limit=None,
         options=(
             *("gain_limit", "proportional_gain", "derivative_gain", "compensation"),
-            *("law_sensor", "rate_jacobian", "delayed"),
+            *("feedback_source", "rate_jacobian", "delayed"),
         ),
     ),
 }

@@ -52,7 +52,7 @@ OPTIONS: dict[str, tuple[Any, ...]] = {
     "delay": (0.0, 0.0173, 0.12),
     "noise": (0.01,),
     "jitter": (0.02,),
-    "hold": (0.033,),
+    "sensor_period": (0.033,),
     "dropout": (0.3,),
     "encoder_noise": ((1e-3, 1e-2),),
     "second_sensor_link": (1, 2),

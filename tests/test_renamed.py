@@ -7,6 +7,8 @@ import pytest
 
 import flexarm_env
 from flexarm_baselines.paper_law.ifdc import IFDC
+from flexarm_env.envs.per_env import settings_of_each
+from flexarm_env.envs.settings import Settings
 from flexarm_env.renamed import _RenamedModules
 
 RENAMED = [names for finder in sys.meta_path if isinstance(finder, _RenamedModules) for names in finder._names.items()]
@@ -36,3 +38,10 @@ def test_a_removed_name_says_what_is_there_in_its_place(name: str) -> None:
         getattr(flexarm_env, name)
     with pytest.raises(AttributeError, match="no attribute 'Closedloop'"):
         flexarm_env.Closedloop  # noqa: B018
+
+
+def test_old_names_of_options_warn() -> None:
+    with pytest.warns(DeprecationWarning, match="hold is now sensor_period"):
+        assert Settings.of({"hold": 0.02}).sensor_period == 0.02
+    with pytest.warns(DeprecationWarning, match="inner_resistance is now inner_damping"):
+        assert settings_of_each({"action_mode": "residual"}, {"inner_resistance": [(40.0, 30.0)] * 2}, 2, "batch")

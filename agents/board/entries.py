@@ -147,7 +147,7 @@ def _recipe(entry: Entry) -> Recipe:
 
 
 # By default the law acts on the joints, which are not late; here it acts on the late sensor, as in the paper.
-_LATE = {"law_sensor": "sensor", "sensor": "rigid"}
+_LATE = {"feedback_source": "sensor", "sensor": "rigid"}
 LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),

@@ -131,7 +131,7 @@ def delay_margins(entry: Entry) -> Mapping[str, float] | None:
     candidate = entry.candidate()
     settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
     assert isinstance(settings, Settings)
-    if not isinstance(candidate.policy, IFDC) or settings.law_sensor != "sensor":
+    if not isinstance(candidate.policy, IFDC) or settings.feedback_source != "sensor":
         return None
     path = square(SquareParameters())
     places = path.position(np.linspace(0.0, path.lap_time / 8.0, PLACES))

@@ -31,7 +31,7 @@ NEEDED: dict[str, Any] = {
     "randomisation": {},
     "noise": 0.0,
     "jitter": 0.0,
-    "hold": 0.0,
+    "sensor_period": 0.0,
     "dropout": 0.0,
     "encoder_noise": (0.0, 0.0),
     "encoder_resolution": (0.0, 0.0),

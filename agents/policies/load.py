@@ -11,7 +11,7 @@ import gymnasium
 
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.policies.network import NetworkPolicy
-from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.settings import Settings, present_names
 from flexarm_env.simulation import archive
 from flexarm_env.validation import known_names, mapping, shown
 
@@ -103,7 +103,7 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
         ) from error
     try:
         config = mapping("config", policy.notes["config"])
-        options = mapping("options", config["options"])
+        options = present_names(mapping("options", config["options"]), of_file=True)
         known_names("FlexArmEnv", options, list(Settings.__dataclass_fields__))  # making it has other arguments, too
         return Trained(name, policy, check_id(config["environment"]), options, policy.notes)
     except KeyError as error:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal, Self
 from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.policies.network import ACTIVATIONS
 from flexarm_env.allowed import Custom, Integer, OneOf, check_fields, declared
+from flexarm_env.envs.settings import present_names
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import choice, integer, known_names, mapping, number, shown
 
@@ -112,6 +113,8 @@ class RunConfig:
             ValueError: for a bad value.
         """
         own = {_FORMER.get(name, name): value for name, value in values.items()}
+        for name in own.keys() & {"options", "curriculum_options"}:
+            own[name] = present_names(mapping(name, own[name]), of_file=True)
         choice("algorithm", own.pop("algorithm", cls.algorithm), [cls.algorithm])
         known = [one.name for one in fields(cls)]
         own = {name: value for name, value in own.items() if name in known or not _unused(name, value)}

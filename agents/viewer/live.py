@@ -23,7 +23,7 @@ OPTIONS: dict[str, Any] = {
     "action_mode": "gain",
     "gain_limit": MOST_GAIN,
     "control_period": 0.01,
-    "law_sensor": "sensor",
+    "feedback_source": "sensor",
     "sensor": "rigid",
     "start": "corner",
     "elbow_branch": "positive",

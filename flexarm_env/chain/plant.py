@@ -46,9 +46,10 @@ class ChainPlant:
         Raises:
             ValueError: for too few segments, a chain too fast to be integrated, or a law on the late sensor.
         """
-        if settings.law_sensor == "sensor":
+        if settings.feedback_source == "sensor":
             raise ValueError(
-                "law_sensor = 'sensor': on a chain the paper's law acts on the joints' own angles; must be 'joints'"
+                "feedback_source = 'sensor': on a chain the paper's law acts on the joints' own angles; "
+                "must be 'joints'"
             )
         self._settings, self._options = settings, options
         self._arm = settings.flexible_arm

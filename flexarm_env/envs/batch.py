@@ -318,7 +318,7 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         lanes=lanes,
         sensor=shared_model(settings.sensor),
         rate_jacobian=settings.rate_jacobian,
-        law_on_sensor=settings.law_sensor == "sensor",
+        law_on_sensor=settings.feedback_source == "sensor",
         own_paths=settings.reference == ("moves",),
         disturbed=disturbed,
     )

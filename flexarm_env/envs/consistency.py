@@ -40,7 +40,7 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "previews": (lambda s: "previews" in s.observation, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
-    **dict.fromkeys(("jitter", "hold"), (_late, "with a sensor that is late, not with a collocated one")),
+    **dict.fromkeys(("jitter", "sensor_period"), (_late, "with a sensor that is late, not with a collocated one")),
     **{
         f"{sensor.name}_link": (
             _is_observed(sensor),
@@ -59,10 +59,12 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
         "with way-points without times; otherwise the last one's time is the lap time",
     ),
     **dict.fromkeys(("side", "start_corner", "direction"), (on_a_named_path, NAMED)),
-    **dict.fromkeys(("compensation", "delayed"), (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'")),
+    **dict.fromkeys(
+        ("compensation", "delayed"), (lambda s: s.feedback_source == "sensor", "with feedback_source = 'sensor'")
+    ),
     "rate_jacobian": (
-        lambda s: s.law_sensor == "sensor" and SENSOR_MODELS[s.sensor].reading == "angles",
-        "with law_sensor = 'sensor' and a sensor that reads joint angles, not a 'true' one",
+        lambda s: s.feedback_source == "sensor" and SENSOR_MODELS[s.sensor].reading == "angles",
+        "with feedback_source = 'sensor' and a sensor that reads joint angles, not a 'true' one",
     ),
 }
 
@@ -97,17 +99,20 @@ def _refuse_contradictions(settings: Any) -> None:
     limits = _ends(settings, "torque_limit", settings.motor_limit)[0]
     if any(unit > most for unit, most in zip(units, limits, strict=True)):
         raise ValueError(f"torque_resolution = {units} N m: must be at most torque_limit = {limits} N m")
-    if settings.law_sensor == "sensor":
-        for name in ("jitter", "hold", "dropout"):
+    if settings.feedback_source == "sensor":
+        for name in ("jitter", "sensor_period", "dropout"):
             if getattr(settings, name) != 0.0:
                 raise ValueError(
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
-                    "must be 0 with law_sensor = 'sensor'"
+                    "must be 0 with feedback_source = 'sensor'"
                 )
-    (hold,), (jitter,) = _ends(settings, "hold", (settings.hold,))[0], _ends(settings, "jitter", (settings.jitter,))[1]
+    (hold,), (jitter,) = (
+        _ends(settings, "sensor_period", (settings.sensor_period,))[0],
+        _ends(settings, "jitter", (settings.jitter,))[1],
+    )
     if hold and (jitter + settings.control_period) / hold > MOST_TICKS:
         raise ValueError(
-            f"hold = {hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {jitter} s "
+            f"sensor_period = {hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
     if settings.compensation != "none" and not _late(settings):

@@ -38,7 +38,7 @@ None, it is the distance from the shoulder to the sensor over the wave speed: 31
 "rigid" sensor computes the position from joint angles, each with a delay of its own.
 
 - `jitter` adds to the delay of each reading an amount drawn uniformly from 0 to that value.
-- `hold` is the period of a slower clock: readings are taken at its ticks only.
+- `sensor_period` is the period of a slower clock: readings are taken at its ticks only.
 - `dropout` is the probability that a reading is lost; the one before then stays.
 
 A reading is ignored unless it is newer than the one before by half a control period. `sensor_error` compares a reading

@@ -49,7 +49,7 @@ def _readings_of(settings: Settings) -> int:
     """
     s = settings
     cases = s, *ends(s)
-    varies = "delay" in s.randomisation or s.mode.law == "tip" or any(one.jitter or one.hold for one in cases)
+    varies = "delay" in s.randomisation or s.mode.law == "tip" or any(one.jitter or one.sensor_period for one in cases)
     delays = {(*one.sensor_delays, *(each.delay for each in one.further_sensors)) for one in cases}
     if varies or len(delays) > 1 or s.substeps > 62:
         return ALL_READINGS
@@ -271,7 +271,7 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     s = settings
     arm = s.flexible_arm
     length = arm.parameters.link_lengths[1]
-    law_point = s.sensor_position if s.law_sensor == "sensor" else length
+    law_point = s.sensor_position if s.feedback_source == "sensor" else length
     return {
         **_further_rows(s),
         **_motor_rows(s),
@@ -288,11 +288,11 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         "DERIVATIVE_GAIN": [s.derivative_gain],
         "COMPENSATION": [COMPENSATIONS.index(s.compensation)],
         "JITTER": [s.jitter],
-        "HOLD": [s.hold],
+        "HOLD": [s.sensor_period],
         "DROPOUT": [s.dropout],
         "ENCODER_NOISE": s.encoder_noise,
         "LINK_FRAME": [float(s.frame == "link")],
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,
-        "RESISTANCE": s.inner_resistance,
+        "RESISTANCE": s.inner_damping,
     }

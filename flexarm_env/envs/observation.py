@@ -35,9 +35,9 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
     """
     found = {BLOCKS[choice("observation", name, BLOCKS)].reads for name in settings.observation}
     law = settings.mode.law
-    if law == "joints" or settings.frame == "link" or (law == "tip" and settings.law_sensor == "joints"):
+    if law == "joints" or settings.frame == "link" or (law == "tip" and settings.feedback_source == "joints"):
         found.add(ENCODERS)
-    if law == "tip" and settings.law_sensor == "sensor":
+    if law == "tip" and settings.feedback_source == "sensor":
         found.add(LINK_2.reads)
     return tuple(name for name in READINGS if name in found)
 

@@ -27,11 +27,11 @@ class EnvOptions(TypedDict, total=False):
     gain_limit: float
     shift_limit: Sequence[float]
     inner_stiffness: Sequence[float]
-    inner_resistance: Sequence[float]
+    inner_damping: Sequence[float]
     proportional_gain: float
     derivative_gain: float
     compensation: Compensation
-    law_sensor: Literal["joints", "sensor"]
+    feedback_source: Literal["joints", "sensor"]
     rate_jacobian: RateJacobian
     delayed: Delayed
     sensor: SensorModel
@@ -40,7 +40,7 @@ class EnvOptions(TypedDict, total=False):
     wave_speed: float
     noise: float
     jitter: float
-    hold: float
+    sensor_period: float
     dropout: float
     encoder_noise: Sequence[float]
     encoder_resolution: Sequence[float]

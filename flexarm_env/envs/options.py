@@ -128,7 +128,7 @@ class Options:
     inner_stiffness: tuple[float, float] = _own(
         (1000.0, 130.0), "stiffness of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m/rad")
     )
-    inner_resistance: tuple[float, float] = _own(
+    inner_damping: tuple[float, float] = _own(
         (40.0, 30.0), "damping of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m s/rad")
     )
     proportional_gain: float = _own(
@@ -140,7 +140,7 @@ class Options:
         'delay of the law\'s target: "none", "shared" (the shoulder\'s delay for both joints) or "per_joint"',
         allowed_of(LawParameters, "compensation"),
     )
-    law_sensor: Literal["joints", "sensor"] = _option(
+    feedback_source: Literal["joints", "sensor"] = _option(
         "joints",
         'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"',
         OneOf(("joints", "sensor")),
@@ -179,7 +179,7 @@ class Options:
         allowed_of(SensorParameters, "noise"),
     )
     jitter: float = _own(0.0, "largest additional delay, drawn uniformly for each reading", _LATE)
-    hold: float = _own(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
+    sensor_period: float = _own(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
     dropout: float = _own(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
     encoder_noise: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the noise of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")

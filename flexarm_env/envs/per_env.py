@@ -14,7 +14,7 @@ from flexarm_env.envs.corners import ends
 from flexarm_env.envs.options import OF_PATHS
 from flexarm_env.envs.own_paths import OF_EACH
 from flexarm_env.envs.quantities import SHARED_BY_ARMS
-from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.settings import Settings, present_names
 from flexarm_env.kernels.variants import shared_model
 from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
@@ -40,8 +40,10 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
     """
     if per_env is None:
         return Settings.of(options, owner)
+    options = present_names(options)
     known_names(owner, options, [one.name for one in fields(Settings)])
-    columns = {name: _column(name, values, count) for name, values in mapping("per_env", per_env).items()}
+    own_values = present_names(mapping("per_env", per_env))
+    columns = {name: _column(name, values, count) for name, values in own_values.items()}
     made: dict[Any, Settings] = {}
     each = []
     for i in range(count):

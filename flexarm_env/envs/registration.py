@@ -48,7 +48,7 @@ _PAPER: dict[str, Any] = {
     "arm": "paper",
     "action_mode": "gain",
     "control_period": 1e-3,
-    "law_sensor": "sensor",
+    "feedback_source": "sensor",
     "sensor": "rigid",
     "observation": (
         "joint_angles",
@@ -119,7 +119,7 @@ IDS: dict[str, Id] = {
         "joint pull the arm along the path, and the agent adds torques to theirs. Action 0 keeps the tip "
         "within 2 m; the law knows neither the links' bending nor the next corner. Its dampers make the fastest "
         "pole some ten times as fast, so that a step takes more integration steps and more time; a smaller "
-        "`inner_resistance` needs fewer.",
+        "`inner_damping` needs fewer.",
     ),
     "SquareGain-v0": Id(
         _LAP,

@@ -163,7 +163,7 @@ SECOND = Sensor(
     text="""\
 `second_sensor_link` adds a second position sensor on either link, to compare sets of sensors. It reads the true point
 at `second_sensor_position`, `second_sensor_delay` seconds ago, with noise of its own (`second_sensor_noise`), in every
-control period; `jitter`, `hold`, `dropout` and a drawn `delay` apply to the first sensor only. `second_sensor_error`
+control period; `jitter`, `sensor_period`, `dropout` and a drawn `delay` are the first sensor's. `second_sensor_error`
 compares a reading with the *same point* of a rigid arm that was on the target at that time. It is 0 if the arm is
 unbent and on the target.""",
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields, replace
 from typing import Any, NamedTuple
@@ -49,6 +50,18 @@ class Integration(NamedTuple):
     expected_error: float | None
 
 
+# Options of the last release, and their names now.
+OLD_NAMES = {"inner_resistance": "inner_damping", "law_sensor": "feedback_source", "hold": "sensor_period"}
+
+
+def present_names(options: Mapping[str, Any], of_file: bool = False) -> dict[str, Any]:
+    """Return options by their present names; warn of old ones, unless a file has them."""
+    for name in () if of_file else options.keys() & OLD_NAMES:
+        message = f"{name} is now {OLD_NAMES[name]}; the old name goes with the next release"
+        warnings.warn(message, DeprecationWarning, stacklevel=4)
+    return {OLD_NAMES.get(name, name): value for name, value in options.items()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings(Options):
     """The options of an environment with what follows from them; `Settings.of` makes it from keyword arguments."""
@@ -65,6 +78,7 @@ class Settings(Options):
             TypeError: for an unknown name, with the nearest known one.
             ValueError: for a bad value.
         """
+        options = present_names(options)
         known_names(owner, options, [one.name for one in fields(cls)])
         return cls(**options)
 
@@ -236,7 +250,9 @@ class Settings(Options):
     def disturbed(self) -> bool:
         """Whether noise, jitter, dropouts, counted angles, a sensor with its own clock or late torques can occur."""
         noise = (self.noise, *self.encoder_noise, *(x for one in self.further_sensors for x in one.noise + one.bias))
-        own = any((*noise, *self.encoder_resolution, self.jitter, self.dropout, self.hold, self.actuation_delay))
+        own = any(
+            (*noise, *self.encoder_resolution, self.jitter, self.dropout, self.sensor_period, self.actuation_delay)
+        )
         return (
             own
             or any(one.disturbed for one in ends(self))
@@ -279,7 +295,7 @@ class Settings(Options):
         slow = worst(self, lambda one: -max(fastest_rates(one)))
         under_law = self.mode.law == "joints"
         what = "fastest pole under the inner law" if under_law else "fastest mode"
-        name = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
+        name = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_damping" if under_law else "")
         period, known = self.control_period, (self.mode.integrator, max(fastest_rates(corner)), name, what)
         count = count_substeps(period, self.physics_step, *known)
         if self.mode.integrator == "implicit":
@@ -318,10 +334,10 @@ class Settings(Options):
         if ends(self):
             return worst(self, lambda one: one.history_slots).history_slots
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
-        oldest = max(latest + self.jitter + 4.0 * self.hold, *(one.delay for one in self.further_sensors), 0.0)
+        oldest = max(latest + self.jitter + 4.0 * self.sensor_period, *(one.delay for one in self.further_sensors), 0.0)
         longest = oldest + 2.0 * self.control_period
         periods = int(np.ceil(longest / self.control_period + 4.0 / self.substeps))
-        cause = f"delay = {latest} s, jitter = {self.jitter} s, hold = {self.hold} s"
+        cause = f"delay = {latest} s, jitter = {self.jitter} s, sensor_period = {self.sensor_period} s"
         cause += "".join(f", {one.sensor.name}_delay = {one.delay} s" for one in self.further_sensors)
         return count_readings(self.substeps * periods, self.control_period / self.substeps, cause)
 

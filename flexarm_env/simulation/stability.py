@@ -62,7 +62,7 @@ def fastest_rates(settings: Any) -> tuple[float, ...]:
     Args:
         settings: `Settings`.
     """
-    gains = (settings.inner_stiffness, settings.inner_resistance) if settings.mode.law == "joints" else None
+    gains = (settings.inner_stiffness, settings.inner_damping) if settings.mode.law == "joints" else None
     return tuple(rate for arm in extreme_arms(settings) for rate in _rates_of(arm, gains))
 
 

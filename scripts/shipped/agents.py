@@ -17,7 +17,7 @@ LATE_TIP: dict[str, Any] = {"observation": LATE, "last_actions": 8}
 # The late sensor's readings pass through the filter.
 BEHIND_FILTER = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
 # The plant of `Paper-v0`, with its gain set 100 times a second and the observation of `Square-v0`.
-_PLANT = ("arm", "law_sensor", "sensor", "deflection_limit", "error_limit")
+_PLANT = ("arm", "feedback_source", "sensor", "deflection_limit", "error_limit")
 PAPER: dict[str, Any] = {name: IDS["Paper-v0"].options[name] for name in _PLANT} | {"physics_step": None}
 # Half a second of readings, closer together where they are new: what payload, stiffness and delay show in.
 HALF_A_SECOND = (1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48)

@@ -190,10 +190,10 @@ def test_an_error_of_the_policy_ends_its_own_episode_only() -> None:
 
 
 def test_where_a_row_cannot_be_run_it_says_why() -> None:
-    late = Entry("ifdc", "late", options={"law_sensor": "sensor", "sensor": "rigid"})
+    late = Entry("ifdc", "late", options={"feedback_source": "sensor", "sensor": "rigid"})
     point = COLUMNS["jitter"].points[-1]
     (result,) = run_points(late, [point])
-    assert "must be 0 with law_sensor = 'sensor'" in result["not_applicable"]
+    assert "must be 0 with feedback_source = 'sensor'" in result["not_applicable"]
     assert "refused" in Cell.of(late, point).depends
     (result,) = run_points(late, [Point("chain", task="chain")])
     assert "on a chain the paper's law acts on the joints' own angles" in result["not_applicable"]

@@ -278,7 +278,7 @@ def test_the_pages_chains_converge(kind: str) -> None:
         ({"chain_step": 0.0}, ValueError, "chain_step = 0.0: must be"),
         ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
         ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
-        ({"action_mode": "gain", "law_sensor": "sensor"}, ValueError, "law_sensor = 'sensor': on a chain"),
+        ({"action_mode": "gain", "feedback_source": "sensor"}, ValueError, "feedback_source = 'sensor': on a chain"),
         ({"chain_step": 1e-6, "physics_step": 0.002}, ValueError, "take more than 1000 steps"),
     ],
 )

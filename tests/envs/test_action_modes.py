@@ -137,7 +137,7 @@ def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tu
     """
     settings, arm, path = env.settings, env.arm, square(SquareParameters())
     period = env.control_period
-    stiffness, resistance = np.array(settings.inner_stiffness), np.array(settings.inner_resistance)
+    stiffness, resistance = np.array(settings.inner_stiffness), np.array(settings.inner_damping)
     limit = np.array(settings.torque_limit or TORQUE_LIMITS)
     states, torques = [start], []
     for k, (residual, shift) in enumerate(shifts_of(env, actions)):
@@ -172,7 +172,7 @@ def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tu
     [
         {},
         {"action_mode": "reference", "shift_limit": (0.2, 0.1)},
-        {"torque_limit": (150.0, 50.0), "inner_stiffness": (500.0, 100.0), "inner_resistance": (50.0, 3.0)},
+        {"torque_limit": (150.0, 50.0), "inner_stiffness": (500.0, 100.0), "inner_damping": (50.0, 3.0)},
     ],
     ids=["residual", "reference", "stiff"],
 )
@@ -234,7 +234,7 @@ def test_the_law_on_the_joints_is_that_on_a_collocated_sensor() -> None:
     """To the last bit, with a gain that changes."""
     on_joints, on_sensor = (
         bare(GAIN, arm="linear", start="corner", gain_limit=2.0, **o)
-        for o in ({"sensor": "rigid"}, {"sensor": "collocated", "law_sensor": "sensor"})
+        for o in ({"sensor": "rigid"}, {"sensor": "collocated", "feedback_source": "sensor"})
     )
     on_joints.reset(), on_sensor.reset()
     for k in range(4):

@@ -117,10 +117,12 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
     if draw(st.booleans()):
         options["randomisation"] = {"payload_mass": (0.0, 1.0), "stiffness": (0.5, 1.5), "damping": (0.0, 0.1)}
     if mode == "paper":
-        return with_effect(options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "law_sensor": "sensor"})
+        return with_effect(
+            options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "feedback_source": "sensor"}
+        )
     options |= {
         "jitter": draw(times(0.1)),
-        "hold": draw(st.just(0.0) | st.floats(1e-5, 0.2)),  # at most `MOST_TICKS` of them are searched for
+        "sensor_period": draw(st.just(0.0) | st.floats(1e-5, 0.2)),  # at most `MOST_TICKS` of them are searched for
         "dropout": draw(st.sampled_from([0.0, 0.5, 1.0])),
     }
     return with_effect(options | {"action_mode": mode})

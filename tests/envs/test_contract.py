@@ -47,7 +47,7 @@ def test_the_grid_holds_every_option() -> None:
     used = {name for _, options in CASES for name in options}
     registered = {name for env_id in IDS for name in gym.spec(env_id).kwargs}
     assert used | registered == {one.name for one in fields(Settings)}
-    assert registered - used <= {"law_sensor", "action_mode", "physics_step", "reference"}
+    assert registered - used <= {"feedback_source", "action_mode", "physics_step", "reference"}
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)

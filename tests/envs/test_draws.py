@@ -30,12 +30,12 @@ SENSORS: dict[str, Any] = {
     "sensor_position": ("choice", [3.0, 4.5]),
     "wave_speed": (100.0, 300.0),
     "jitter": (0.0, 0.01),
-    "hold": (0.005, 0.02),
+    "sensor_period": (0.005, 0.02),
     "dropout": (0.0, 0.3),
     "encoder_noise": ((0.0, 1e-3), (0.0, 1e-2)),
 }
 TORQUES = {"torque_limit": ((90.0, 180.0), (30.0, 60.0))}
-INNER_LAW = {"inner_stiffness": ((8e2, 1e3), (1e2, 130.0)), "inner_resistance": ((9.0, 9.5), (3.0, 4.0))}
+INNER_LAW = {"inner_stiffness": ((8e2, 1e3), (1e2, 130.0)), "inner_damping": ((9.0, 9.5), (3.0, 4.0))}
 MOTORS: dict[str, Any] = {
     "motor_time_constant": ((0.0, 0.01), (0.0, 0.02)),
     "torque_speed_limit": ((20.0, 30.0), (90.0, 100.0)),
@@ -236,10 +236,10 @@ def test_environments_of_a_batch_draw_paths_together_and_no_controller_takes_one
         ("jitter", ("choice", [0.1, 11.0]), "[1][1] = 11.0"),
         ("jitter", ("normal", 0.0, 0.1, 5.0, 6.0), "1e-06 of the distribution"),
         ("jitter", ("normal", 0.0, 0.0, 0.0, 1.0), "[2] = 0.0"),
-        ("hold", (0.0, 0.1), "must be a finite number and >= 1e-06"),
+        ("sensor_period", (0.0, 0.1), "must be a finite number and >= 1e-06"),
         ("sensor_position", (4.0, 5.0), "the largest of what is drawn, sensor_position = 5.0 m"),
         ("inner_stiffness", ((1.0, 2.0), (1.0, 2.0)), "no effect with action_mode = 'torque'"),
-        ("hold", (2e-6, 0.1), "of the sensor's ticks in jitter = 0.05 s"),
+        ("sensor_period", (2e-6, 0.1), "of the sensor's ticks in jitter = 0.05 s"),
         ("side", (0.1, 13.0), "the largest of what is drawn, side = 13.0 m"),
         ("link_lengths", ((4.0, 5.0), (4.0, 5.0)), "no such quantity"),
     ],

@@ -68,7 +68,7 @@ def readings(steps: int, **options: Any) -> np.ndarray:
 @pytest.mark.parametrize("dropout", [0.0, 0.5, 0.9])
 def test_a_tick_of_a_slow_clock_is_lost_once(dropout: float) -> None:
     """80 ticks in 8 s; what is lost stays lost, and is not drawn again at each control instant."""
-    sensed = readings(800, hold=0.1, dropout=dropout)
+    sensed = readings(800, sensor_period=0.1, dropout=dropout)
     new = np.any(np.diff(sensed, axis=0) != 0.0, axis=1).sum()
     expected = 80.0 * (1.0 - dropout)
     assert abs(new - expected) <= 1.0 + 4.0 * np.sqrt(80.0 * dropout * (1.0 - dropout))  # four deviations
@@ -77,7 +77,7 @@ def test_a_tick_of_a_slow_clock_is_lost_once(dropout: float) -> None:
 def test_jitter_of_a_slow_clock_is_even() -> None:
     """Ticks 50 ms apart arrive 31.2 to 71.2 ms late; a control instant sees them up to 10 ms later."""
     limits = {"error_limit": None, "deflection_limit": None}
-    env = gymnasium.make(SQUARE, max_episode_steps=4000, hold=0.05, jitter=0.04, **limits)
+    env = gymnasium.make(SQUARE, max_episode_steps=4000, sensor_period=0.05, jitter=0.04, **limits)
     env.reset(seed=1, options={"start": "moving"})  # without torque the arm goes on moving
     before, instants = None, []
     for _ in range(4000):

@@ -219,7 +219,7 @@ def test_the_reading_is_as_late_as_it_is(options: dict[str, Any], latest: float)
 
 def test_a_slower_sensor_holds_its_reading() -> None:
     """Ticks every 25 ms; between them nothing new is known, and the change per second is that between the ticks."""
-    options = FINE | {"start": "corner", "frame": "world", "delay": 0.013, "hold": 0.025}
+    options = FINE | {"start": "corner", "frame": "world", "delay": 0.013, "sensor_period": 0.025}
     env = bare(**options)
     run = recorded(env)
     point = motion_of_the_point(env, options, run)

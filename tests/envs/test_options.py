@@ -48,17 +48,19 @@ MESSAGES = [
     ),
     refused(r"compensation = 'shared': .* must be 'none'", {"sensor": "collocated", "compensation": "shared"}, PAPER),
     refused(
-        r"compensation = 'shared': has no effect here; only with law_sensor = 'sensor'",
+        r"compensation = 'shared': has no effect here; only with feedback_source = 'sensor'",
         {"compensation": "shared"},
         GAIN,
     ),
     refused(
-        r"delayed = 'position\+rate': has no effect here; only with law_sensor", {"delayed": "position+rate"}, GAIN
+        r"delayed = 'position\+rate': has no effect here; only with feedback_source", {"delayed": "position+rate"}, GAIN
     ),
-    refused(r"rate_jacobian = 'current': has no effect here; only with law_sensor", {"rate_jacobian": "current"}, GAIN),
-    refused(r"jitter = 0\.01: .* must be 0 with law_sensor = 'sensor'", {"jitter": 0.01}, PAPER),
-    refused(r"hold = 0\.02: .* must be 0 with law_sensor = 'sensor'", {"hold": 0.02}, PAPER),
-    refused(r"dropout = 0\.5: .* must be 0 with law_sensor = 'sensor'", {"dropout": 0.5}, PAPER),
+    refused(
+        r"rate_jacobian = 'current': has no effect here; only with feedback_source", {"rate_jacobian": "current"}, GAIN
+    ),
+    refused(r"jitter = 0\.01: .* must be 0 with feedback_source = 'sensor'", {"jitter": 0.01}, PAPER),
+    refused(r"sensor_period = 0\.02: .* must be 0 with feedback_source = 'sensor'", {"sensor_period": 0.02}, PAPER),
+    refused(r"dropout = 0\.5: .* must be 0 with feedback_source = 'sensor'", {"dropout": 0.5}, PAPER),
     refused(r"sensor_position = 4\.6 m: must be on link 2, > 0 and <= 4\.5 m", {"sensor_position": 4.6}),
     refused(r"delay = -0\.001: must be .* >= 0\.0 and <= 10\.0 \[s\]", {"delay": -1e-3}),
     refused(r"delay\[1\] = inf: must be .* \[s\]", {"delay": (0.01, math.inf)}, PAPER),
@@ -68,8 +70,8 @@ MESSAGES = [
         r"sensor_position = 4\.0 m: .*; side = 12\.6 m: ", {"arm": {"link_lengths": (3.0, 3.0)}, "sensor_position": 4.0}
     ),
     refused(r"delay = 0\.1: .* must be None", {"sensor": "collocated", "delay": 0.1}),
-    refused(r"hold = -1\.0: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"hold": -1.0}),
-    refused(r"hold = 1e-311: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"hold": 1e-311}),
+    refused(r"sensor_period = -1\.0: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"sensor_period": -1.0}),
+    refused(r"sensor_period = 1e-311: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"sensor_period": 1e-311}),
     refused(r"observation = 'tip': must be one of 'joint_angles', ", {"observation": ["tip"]}),
     refused(r"observation = \[\]: must hold at least one name, and each only once", {"observation": []}),
     refused(r"observation = .*: must hold .* each only once", {"observation": ["lap_phase"] * 2}),
@@ -112,7 +114,7 @@ MESSAGES = [
     refused(r"arm = .*friction.*rad/s.* integration steps in con", {"arm": {"joint_friction": (1e6, 1e6)}}),
     refused(r"masses_per_length\[0\] = 1e-12: must be .* >= 1", {"arm": {"masses_per_length": (1e-12, 1)}}),
     refused(r"arm: its masses and inertias lie too far apart .*payload_inertia = 1000", {"arm": MISMATCHED}),
-    refused(r"inner_resistance: its fastest pole .* integration st", {"inner_resistance": (1e9, 1e9)}, RESIDUAL),
+    refused(r"inner_damping: its fastest pole .* integration st", {"inner_damping": (1e9, 1e9)}, RESIDUAL),
     refused(r"delay = 10\.0 s, .* readings to keep, .*at most 2000000", {"delay": 10.0, "physics_step": 1e-6}),
     refused(
         "actuation_delay = 0.005 s: must be a whole number", {"action_mode": "reference", "actuation_delay": 0.005}
@@ -145,7 +147,9 @@ MESSAGES = [
     refused(r"imu_link = 1: has no effect here; .*'accelerometer' or 'gyro'", {"imu_link": 1}),
     refused(r"imu_bias = .*: has no .* an IMU: imu_link = 1 or 2", {"imu_bias": (0.1, 0.1)}),
     refused(r"observation block 'gyro': there is no IMU; give imu_link", {"observation": ["gyro"]}),
-    refused(r"hold = 1e-06 s: more than 20000 of the sensor's ticks in jit", {"hold": 1e-6, "jitter": 1.0}),
+    refused(
+        r"sensor_period = 1e-06 s: more than 20000 of the sensor's ticks in jit", {"sensor_period": 1e-6, "jitter": 1.0}
+    ),
     refused(
         r"torque_limit = <memory at .*: must be a pair of numbers", {"torque_limit": memoryview(b"ab")}, error=TypeError
     ),
@@ -177,11 +181,11 @@ ACTS_IN = {
     "gain_limit": ("gain", 2.0),
     "shift_limit": ("reference", (0.1, 0.1)),
     "inner_stiffness": ("residual reference", (1.0, 1.0)),
-    "inner_resistance": ("residual reference", (1.0, 1.0)),
+    "inner_damping": ("residual reference", (1.0, 1.0)),
     "proportional_gain": ("gain", 1.0),
     "derivative_gain": ("gain", 1.0),
     "compensation": ("gain", "shared"),
-    "law_sensor": ("gain", "sensor"),
+    "feedback_source": ("gain", "sensor"),
     "rate_jacobian": ("gain", "current"),
     "delayed": ("gain", "position+rate"),
 }
@@ -191,7 +195,7 @@ ACTS_IN = {
 @pytest.mark.parametrize("name", ACTS_IN)
 def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
     allowed, value = ACTS_IN[name]
-    late = {"law_sensor": "sensor", "sensor": "rigid"} if mode == "gain" else {}
+    late = {"feedback_source": "sensor", "sensor": "rigid"} if mode == "gain" else {}
     options = {"action_mode": mode, **late, name: value}
     if mode in allowed.split():
         assert getattr(Settings.of(options), name) == value

@@ -31,7 +31,7 @@ ARMS = [
 TORQUE_LANES: dict[str, list[Any]] = {
     "arm": [*ARMS, *ARMS[:4]],
     "jitter": [0.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.02],
-    "hold": [0.0, 0.0, 0.03, 0.0, 0.0, 0.0, 0.0, 0.015, 0.0],
+    "sensor_period": [0.0, 0.0, 0.03, 0.0, 0.0, 0.0, 0.0, 0.015, 0.0],
     "dropout": [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0],
     "encoder_noise": [(0.0, 0.0)] * 4 + [(0.01, 0.0), (0.0, 0.02)] + [(0.0, 0.0)] * 2 + [(0.01, 0.01)],
     "sensor_position": [4.5, 4.5, 2.0, 4.5, 4.5, 4.5, 0.5, 4.5, 3.0],
@@ -109,17 +109,17 @@ def test_each_environment_has_its_motors_and_friction(kernels: str) -> None:
 
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
-    compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, law_sensor="sensor")
+    compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, feedback_source="sensor")
 
 
 def test_the_tests_have_every_option() -> None:
     tables = (TORQUE_LANES, SENSOR_LANES, FURTHER_LANES, GAIN_LANES, MOTOR_LANES)
-    assert {name for table in tables for name in table} | {"inner_stiffness", "inner_resistance"} == set(OPTIONS)
+    assert {name for table in tables for name in table} | {"inner_stiffness", "inner_damping"} == set(OPTIONS)
 
 
 def test_gains_of_the_joint_space_law() -> None:
     stiffness, resistance = [(500.0, 100.0), (1000.0, 130.0), (900.0, 90.0)], [(40.0, 30.0), (30.0, 20.0), (40.0, 30.0)]
-    gains = {"inner_stiffness": stiffness, "inner_resistance": resistance}
+    gains = {"inner_stiffness": stiffness, "inner_damping": resistance}
     with refuses(ValueError, "environment 1", "physics_step"):  # stiffer gains ask for shorter steps
         vector(RESIDUAL, 3, per_env=gains)
     batch = vector(RESIDUAL, 3, per_env=gains, physics_step=5e-4)
@@ -158,7 +158,7 @@ def test_a_batch_of_different_environments_survives_pickling() -> None:
     ("per_env", "error", "words"),
     [
         ([0.1], TypeError, ("per_env = [0.1]", "mapping")),
-        ({"jitters": [0, 0]}, ValueError, ("per_env['jitters']", "no option", "jitter, hold")),
+        ({"jitters": [0, 0]}, ValueError, ("per_env['jitters']", "no option", "jitter, sensor_period")),
         ({"control_period": [0.01, 0.02]}, ValueError, ("per_env['control_period']", "the batch's")),
         ({"sensor": ["true", "rigid"]}, ValueError, ("environment 1", "sensor = 'rigid'", "beside that: 'true'")),
         ({"jitter": 0.01}, ValueError, ("per_env['jitter'] = 0.01", "list of 2")),

@@ -113,7 +113,7 @@ CUSTOM: dict[str, st.SearchStrategy[Any]] = {
     "arm": st.sampled_from(["default", "paper"]) | declared_arms("modes_per_link", "kinematics"),  # few kernels
     "action_mode": st.sampled_from([name for name in MODES if name != "torque_rate"]),  # few kernels
     "delay": numbers(0.0, 10.0) | st.tuples(numbers(0.0, 10.0), numbers(0.0, 10.0)),
-    "hold": numbers(1e-6, 10.0),
+    "sensor_period": numbers(1e-6, 10.0),
     "observation": st.lists(st.sampled_from(sorted(BLOCKS)), min_size=1, max_size=5, unique=True),
     "previews": st.lists(numbers(1e-6, 1e5), max_size=4),
     "reference": st.sampled_from(["square", "circle", "line", "figure_eight", "moves", "waypoints"]),

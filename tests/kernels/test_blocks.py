@@ -41,15 +41,15 @@ ALIKE_OF_OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {"sensor": "rigid", "delay": (0.02, 0.0113)}),
     (SQUARE, {"sensor": "collocated"}),
     (REACH, {}),
-    (GAIN, {"law_sensor": "sensor", "compensation": "shared", "delay": 0.0372}),
-    (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
+    (GAIN, {"feedback_source": "sensor", "compensation": "shared", "delay": 0.0372}),
+    (GAIN, {"feedback_source": "sensor", "compensation": "per_joint"}),
     (GAIN, {"lap_time": 8.0}),
 ]
 FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
 OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
     (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
-    (GAIN, FURTHER_SENSORS | {"noise": 0.01, "law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1}),
+    (GAIN, FURTHER_SENSORS | {"noise": 0.01, "feedback_source": "sensor", "delay": 0.002, "gain_limit": 0.1}),
     (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
     (SQUARE, {"action_mode": "torque_rate"}),
     (SQUARE, {"action_mode": "torque_rate", "actuation_delay": 0.0137}),
@@ -135,7 +135,7 @@ def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:
         {"encoder_noise": (0.0, 0.05)},
         {"jitter": 0.02},
         {"dropout": 0.5},
-        {"hold": 0.03},
+        {"sensor_period": 0.03},
         {"actuation_delay": 0.013},
         {"randomisation": {"noise": (0.05, 0.1)}},
         {"randomisation": {"actuation_delay": (0.01, 0.02)}},

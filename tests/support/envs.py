@@ -49,7 +49,7 @@ CALM: dict[str, Any] = {
     "randomisation": {name: RANDOMISATION[name] for name in ("payload_mass", "stiffness", "damping", "delay")},
     "start": "mix",
 }
-POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
+POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "sensor_period": 0.015, "dropout": 0.1}
 FORESHORTENED = {"arm": "default"}
 
 
@@ -147,13 +147,13 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
     ],
     "SquareResidual": [
         *_SENSING[:1],
-        {"inner_stiffness": (40.0, 10.0), "inner_resistance": (15.0, 5.0), "torque_limit": (80.0, 30.0)},
+        {"inner_stiffness": (40.0, 10.0), "inner_damping": (15.0, 5.0), "torque_limit": (80.0, 30.0)},
         {"action_mode": "reference", "shift_limit": (0.2, 0.1), "actuation_delay": 0.02},
     ],
     "SquareGain": [
         *_SENSING[:1],
         {"gain_limit": 5.0, "proportional_gain": 80.0, "derivative_gain": 30.0, "torque_limit": (300.0, 200.0)},
-        {"law_sensor": "sensor", "delay": 0.002, "compensation": "shared", "delayed": "position+rate"},
+        {"feedback_source": "sensor", "delay": 0.002, "compensation": "shared", "delayed": "position+rate"},
         FORESHORTENED,
     ],
     "SquareEncoders": [],

@@ -217,7 +217,7 @@ def _residual_expected(start: Array) -> Array:
     arm, path, period = env.arm, square(SquareParameters()), env.control_period
     stiffness, resistance, limit = (
         np.array(values)
-        for values in (env.settings.inner_stiffness, env.settings.inner_resistance, env.settings.torque_limit)
+        for values in (env.settings.inner_stiffness, env.settings.inner_damping, env.settings.torque_limit)
     )
     turn = 2.0 * np.pi * np.round((start[:2] - _aim(arm, path, 0.0)[0]) / (2.0 * np.pi))
     states = [start]
