@@ -205,7 +205,7 @@ def test_another_table_is_refused(tmp_path: Path, names: str, message: str) -> N
         (HEAD, "two rows of numbers at least, got 0"),
         (HEAD + b"0,1,1,0,0\n", "two rows of numbers at least, got 1"),
         (HEAD + b"0,1,1,0,0\n1,1,1,abc,0\n", "row 2 below the header, '1,1,1,abc,0': could not convert"),
-        (HEAD + b"0,1,1,0,0\n1,1,1\n", "row 2 below the header, '1,1,1': zip"),
+        (HEAD + b"0,1,1,0,0\n1,1,1\n", "row 2 below the header, '1,1,1': must have 5 cells, has 3"),
         (b"time,time,torque_1,torque_2\n", r"unknown \['time'\]"),
         (bytes(range(128, 256)), "not a CSV file"),
     ],

@@ -109,7 +109,7 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
     except KeyError as error:
         raise ValueError(f"{file}: does not say what it was trained on (no {error} in its notes)") from error
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{file}: does not say what it was trained on ({error})") from error
+        raise ValueError(f"{file}: what its notes say that it was trained on is not there ({error})") from error
 
 
 def policy_file(source: str | Path, last: bool = False) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import platform
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -15,10 +16,12 @@ from typing import Any
 import torch
 
 from flexarm_agents.code_version import code_version
+from flexarm_agents.environments import spec_of
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.loop import Training, TrainingLoop
 from flexarm_agents.training.run_folder import RunFolder
+from flexarm_env.validation import shown
 
 LIBRARIES = ("numpy", "numba", "torch", "stable_baselines3", "sb3_contrib", "gymnasium")
 WITHOUT_PART = ("flexarm_agents.commands", "flexarm_env.envs.rendering", "flexarm_env.envs.documentation")
@@ -56,8 +59,15 @@ def train(config: RunConfig, folder: str | Path | None = None, resume: bool = Fa
         FileExistsError: if the folder is not empty and is not to be resumed.
         FileNotFoundError: if there is no training to resume, or no such initial policy.
         ValueError: if the training in the folder has another configuration, or the environment, the curriculum or the
-            initial policy do not fit the algorithm.
+            initial policy do not fit the algorithm, or a checkpoint could not keep the environment.
     """
+    try:
+        pickle.dumps(spec_of(config.environment).kwargs)
+    except (AttributeError, TypeError, pickle.PicklingError) as error:
+        raise ValueError(
+            f"environment = {shown(config.environment)}: checkpoints cannot keep its options ({error}); "
+            "give each of its functions a name in a module"
+        ) from None
     run = RunFolder(config.folder if folder is None else folder)
     module, _, name = config.training.partition(":")
     training: Training = getattr(import_module(module), name)(config, run)

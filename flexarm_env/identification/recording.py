@@ -93,6 +93,8 @@ class Recording:
         table: dict[str, Array] = dict(zip(given, np.empty((len(given), len(rows))), strict=True))
         for n, row in enumerate(rows):
             try:
+                if len(row) != len(given):
+                    raise ValueError(f"must have {len(given)} cells, has {len(row)}")
                 for name, cell in zip(given, row, strict=True):
                     table[name][n] = float(cell or "nan")
             except ValueError as error:

@@ -161,6 +161,9 @@ def test_ids_of_other_modules(flexarm: Shell) -> None:
         assert words in out
     assert "its module cannot be imported" in flexarm("show", "no_such_module:Mine/Task-v0", status=1).stderr
     assert settings_of(check_id("own_task_of_a_test:Mine/Task-v0"), {}).side == 8.0
+    err = flexarm("train", "--environment", "own_task_of_a_test:Mine/Task-v0", "--folder", "new", status=1).stderr
+    assert "give each of its functions a name in a module" in err  # at once, not at the first checkpoint
+    assert not Path("new").exists()
 
 
 def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:
