@@ -171,6 +171,10 @@ LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
         (lambda: replace(SOME, tip=np.full((4, 2), np.nan)), "tip: must be finite, or NaN .* leave it out"),
         (lambda: replace(SOME, torque=TORQUE[:4] * [np.nan, 1.0]), "torque: must be finite at all instants"),
         (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
+        (
+            lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", torque_resolution=(1, 1)), TORQUE),
+            "ideal motors",
+        ),
     ],
 )
 def test_bad_input_is_refused(call: Any, message: str) -> None:

@@ -130,6 +130,8 @@ def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -
     settings, torques = inner.settings, real_array("torque", torque)
     if (settings.action_mode, settings.scaled, settings.frame) != ("torque", False, "world"):
         raise ValueError('env: must have action_mode="torque", scaled=False, frame="world"')
+    if settings.real_motors:
+        raise ValueError("env: must have ideal motors; the torque of others is not the one that is played")
     if np.any(np.abs(torques) > settings.motor_limit):
         raise ValueError(f"torque: must be at most {settings.motor_limit} N m, got {np.abs(torques).max(axis=0)}")
     blocks, rows = inner.observation_blocks, []
