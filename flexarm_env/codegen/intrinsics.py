@@ -75,8 +75,10 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Eight loads, three rounds of exchanges between two vectors each, eight stores."""
-        known = context.make_helper(builder, signature.args[0], arguments[0])
-        where, scales, told = (context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (2, 3, 5))
+        inputs = context.make_helper(builder, signature.args[0], arguments[0])
+        where, scales, output = (
+            context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (2, 3, 5)
+        )
         doubles, floats = (ir.VectorType(kind, TILE) for kind in (ir.DoubleType(), ir.FloatType()))
         indices = ir.VectorType(ir.IntType(32), TILE)
         undefined = ir.Constant(doubles, ir.Undefined)
@@ -84,7 +86,7 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
         for k in range(TILE):
             place = builder.add(arguments[4], ir.Constant(arguments[4].type, k))
             first = builder.mul(builder.load(builder.gep(where.data, [place])), arguments[1])
-            values = builder.load(builder.bitcast(builder.gep(known.data, [first]), doubles.as_pointer()), align=8)
+            values = builder.load(builder.bitcast(builder.gep(inputs.data, [first]), doubles.as_pointer()), align=8)
             factor = builder.load(builder.gep(scales.data, [place]))
             factor = builder.insert_element(undefined, factor, ir.Constant(ir.IntType(32), 0))
             factor = builder.shuffle_vector(factor, undefined, ir.Constant(indices, [0] * TILE))
@@ -97,10 +99,10 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
                     given = [n + half for n in kept]
                     vectors[k] = builder.shuffle_vector(*pair, ir.Constant(indices, kept))
                     vectors[k + half] = builder.shuffle_vector(*pair, ir.Constant(indices, given))
-        row = builder.bitcast(builder.gep(told.data, [arguments[4]]), ir.IntType(8).as_pointer())
+        row = builder.bitcast(builder.gep(output.data, [arguments[4]]), ir.IntType(8).as_pointer())
         for vector in vectors:
             builder.store(vector, builder.bitcast(row, floats.as_pointer()), align=4)
-            row = builder.gep(row, [builder.extract_value(told.strides, 0)])
+            row = builder.gep(row, [builder.extract_value(output.strides, 0)])
         return context.get_dummy_value()
 
     return types.void(rows, distance, places, factors, n, lanes), generate
