@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -26,29 +26,15 @@ from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.stability import count_readings, count_substeps, extreme_arms, fastest_rates
+from flexarm_env.simulation.stability import (
+    Integration,
+    count_readings,
+    count_substeps,
+    extreme_arms,
+    fastest_rates,
+)
 from flexarm_env.simulation.step_error import TOLERANCE, enough_steps, expected_error
 from flexarm_env.validation import known_names, shown
-
-
-class Integration(NamedTuple):
-    """How the arm is integrated.
-
-    Attributes:
-        method: its name.
-        order: of the method.
-        step: [s].
-        substeps: steps in a control period.
-        expected_error: of the tip after a second of full random torques (`simulation.step_error`) [m]; None under the
-            paper's law, where `simulation.stability` bounds it.
-    """
-
-    method: str
-    order: int
-    step: float
-    substeps: int
-    expected_error: float | None
-
 
 # Options of the last release, and their names now.
 OLD_NAMES = {"inner_resistance": "inner_damping", "law_sensor": "feedback_source", "hold": "sensor_period"}

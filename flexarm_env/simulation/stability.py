@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,25 @@ LONGEST_DEFAULT = {"explicit": 2e-3, "implicit": 2.5e-4}  # [s]
 # bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
+
+
+class Integration(NamedTuple):
+    """How the arm is integrated.
+
+    Attributes:
+        method: its name.
+        order: of the method.
+        step: [s].
+        substeps: steps in a control period.
+        expected_error: of the tip after a second of full random torques (`step_error`) [m]; None under the
+            paper's law, where the functions here bound it.
+    """
+
+    method: str
+    order: int
+    step: float
+    substeps: int
+    expected_error: float | None
 
 
 def extreme_arms(settings: Any) -> list[ArmParameters]:
