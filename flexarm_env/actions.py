@@ -76,7 +76,7 @@ MODES: dict[str, ActionMode] = {
         inverse="torque / torque_limit",
         limit="torque_limit",
         program="torque",
-        options=tuple(IDEAL_MOTORS),
+        options=("payload_changes", *IDEAL_MOTORS),
     ),
     "torque_rate": ActionMode(
         text="change of the motors' torque per second: at the start of a control period the torque becomes "
@@ -89,7 +89,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_rate_limit",
         program="torque_rate",
         accumulates=True,
-        options=("torque_rate_limit", *IDEAL_MOTORS),
+        options=("torque_rate_limit", "payload_changes", *IDEAL_MOTORS),
     ),
     "residual": ActionMode(
         text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "
@@ -101,7 +101,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_limit",
         program="tracking",
         law="joints",
-        options=("inner_stiffness", "inner_damping"),
+        options=("inner_stiffness", "inner_damping", "payload_changes"),
     ),
     "reference": ActionMode(
         text="shift of that law's joint target, reached linearly within the control period",
@@ -113,7 +113,7 @@ MODES: dict[str, ActionMode] = {
         program="tracking",
         law="joints",
         shifts=True,
-        options=("shift_limit", "inner_stiffness", "inner_damping"),
+        options=("shift_limit", "inner_stiffness", "inner_damping", "payload_changes"),
     ),
     "gain": ActionMode(
         text="the gain lambda of the paper's law (10), (14), which acts in continuous time",

@@ -242,6 +242,8 @@ class BatchSimulator(LaneBatch):
         """
         states = self._states.checked(given, len(rows))
         self._set_plant_state(self._states.write(states, rows))
+        if self._variant.payloads and self.draws.further:  # what the payload changes follows from them
+            self._put_constants(rows)
         first = self._rows["STATE"][0]
         count = self._results.stop - self._results.start
         assert first == self._results.start

@@ -6,13 +6,14 @@ An option without effect is an error; it is never ignored.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 from flexarm_env.envs.choices import MOVE_POINTS
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
-from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
+from flexarm_env.parameters import HEAVIEST_PAYLOAD, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
 from flexarm_env.validation import entries, finite_array, listed, mapping, number, real_array, shown
 
@@ -179,6 +180,22 @@ def checked_arm(name: str, value: Any) -> Any:
     """Check the option `arm` and return it as it was given; see `arm_parameters` for the errors."""
     arm_parameters(value)
     return dict(value) if isinstance(value, Mapping) else value
+
+
+def checked_changes(name: str, value: Any) -> tuple[tuple[float, float | None], ...]:
+    """Check the changes of the payload: shares of the lap that increase, and masses [kg] or None."""
+    found: list[tuple[float, float | None]] = []
+    for n, given in enumerate(listed(name, value)):
+        pair = entries(given) or []
+        if len(pair) != 2:
+            raise ValueError(f"{name}[{n}] = {shown(given)}: must be a share of the lap and a mass [kg] or None")
+        phase, mass = number(f"{name}[{n}][0]", pair[0], least=0.0, most=1.0), pair[1]
+        if mass is not None:
+            mass = number(f"{name}[{n}][1]", mass, "kg", least=0.0, most=HEAVIEST_PAYLOAD)
+        found.append((phase, mass))
+    if len(found) < 2 or any(one[0] >= other[0] for one, other in pairwise(found)):
+        raise ValueError(f"{name} = {shown(value)}: must be two changes at least, at shares that increase")
+    return tuple(found)
 
 
 def checked_previews(name: str, value: Any) -> tuple[float, ...]:

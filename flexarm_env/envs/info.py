@@ -97,11 +97,13 @@ KEYS = {
         "lambda in the period that ended; 0 after a reset", "1", "EFFECTIVE_GAIN", where='`action_mode` is "gain"'
     ),
     "is_success": Key(
-        "1 once a lap is complete through whose final rest the true tip was within 2 cm of the target; 0 before",
+        "1 once a lap is complete through whose final rest the true tip was within 2 cm of the target; 0 before. With "
+        "another reference: 1 once the payload has changed and the tip was within 2 cm of the target whenever it did",
         "1",
         "SUCCESS",
-        where='`reference` is "moves"',
+        where='`reference` is "moves" or `payload_changes` is set',
     ),
+    "payload": Key("mass that the tip carries", "kg", "CARRIED", where="`payload_changes` is set"),
     **{
         sensor.info: Key(
             f"latest reading of the {sensor.title}; shape ({sensor.size},)",
@@ -122,8 +124,10 @@ def info_keys(settings: Settings) -> tuple[str, ...]:
     left_out = {TERM + name for name in TERMS if settings.reward_weights.get(name, 0.0) == 0.0}
     if settings.mode.law != "tip":
         left_out.add("gain")
-    if settings.reference != ("moves",):
+    if settings.reference != ("moves",) and not settings.payload_changes:
         left_out.add("is_success")
+    if not settings.payload_changes:
+        left_out.add("payload")
     left_out |= {sensor.info for sensor in FURTHER} - {one.sensor.info for one in settings.further_sensors}
     return tuple(name for name in KEYS if name not in left_out)
 

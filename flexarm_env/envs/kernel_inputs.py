@@ -185,6 +185,8 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "LENGTHS": p.link_lengths,
         "START_SPREAD": s.start_spread,
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
+        "CHANGE_PHASES": [phase for phase, _ in s.payload_changes or ()],
+        "CHANGE_MASSES": [NAN if mass is None else mass for _, mass in s.payload_changes or ()],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
     }
     *places, (last, _) = Setting.layout(shape_of(s, program)).items()

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm_env.actions import IDEAL_MOTORS, MODES
 from flexarm_env.allowed import Allowed, Custom, Number, OneOf, Optional, Pair, allowed_of, declared
-from flexarm_env.envs.consistency import checked_arm
+from flexarm_env.envs.consistency import checked_arm, checked_changes
 from flexarm_env.parameters import (
     MAX_DELAY,
     PRESETS,
@@ -40,6 +40,12 @@ class MotionOptions:
         "default",
         "the arm: a name, or a mapping of `ArmParameters` fields in which `preset` names the arm that sets the others",
         Custom(checked_arm, text=", ".join(f'"{name}"' for name in PRESETS) + ", or a mapping"),
+    )
+    payload_changes: Any = option(
+        None,
+        "changes of the payload in each lap: the share of the lap, and what the tip carries from then on; None for "
+        "that: the episode's `payload_mass`. No impulse acts: the mass arrives with the tip's velocity",
+        Optional(Custom(checked_changes, "1, kg")),
     )
     action_mode: str = option("torque", "what an action is", OneOf(tuple(MODES)))
     control_period: float = option(0.01, "duration of an action", Number(1e-5, 1.0, "s"))

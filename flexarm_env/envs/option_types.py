@@ -16,6 +16,7 @@ class EnvOptions(TypedDict, total=False):
     """Options of an environment, all of them optional; see `flexarm_env.envs.options.Options`."""
 
     arm: str | Mapping[str, Any]
+    payload_changes: Any
     action_mode: str
     control_period: float
     physics_step: float | None

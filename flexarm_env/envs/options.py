@@ -52,6 +52,7 @@ from flexarm_env.parameters import (
     SensorParameters,
     SquareParameters,
 )
+from flexarm_env.physics.paths import PATHS
 from flexarm_env.validation import entries, function, mapping, names, shown
 
 _LATE = Number(0.0, MAX_DELAY, "s")
@@ -153,7 +154,7 @@ class Options(MotionOptions):
         'which each episode draws one. Alone only: "moves", "drawn", "target" (`set_reference` moves it)',
         Custom(
             checked_paths,
-            text='"square", "circle", "line", "figure_eight", "waypoints", "moves", "drawn", "target", a function',
+            text=", ".join(f'"{name}"' for name in (*PATHS, "waypoints", "moves", "drawn", "target")) + ", a function",
         ),
     )
     waypoints: Any = _own(

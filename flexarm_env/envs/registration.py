@@ -14,8 +14,9 @@ from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
-# Control periods of an episode: a lap of 16 s at 100 Hz, at the paper's 1 kHz, or at 500 Hz. A test checks them.
-_LAP, _PAPER_LAP, _LAB_LAP = 1600, 16_000, 8000
+# Control periods of an episode: a lap of 16 s at 100 Hz, at the paper's 1 kHz, or at 500 Hz; of 24 s at 100 Hz. A test
+# checks them.
+_LAP, _PAPER_LAP, _LAB_LAP, _CARRY_LAP = 1600, 16_000, 8000, 2400
 
 
 class Id(NamedTuple):
@@ -206,6 +207,22 @@ IDS: dict[str, Id] = {
         "A laboratory arm of 0.4 m reach, with its maker's limits of current and bend, its encoders and strain gauges, "
         "and no sensor of the tip. The square of 9 cm lies before the shoulder, so that both joints stay within a "
         "quarter turn. Dry friction holds the shoulder against 44 % of its largest torque.",
+    ),
+    "Carry-v0": Id(
+        _CARRY_LAP,
+        {
+            "arm": {"payload_mass": 0.85},
+            "payload_changes": ((5 / 24, None), (17 / 24, 0.0)),
+            "randomisation": {"payload_mass": (0.2, 1.5)},
+            "reference": "stops",
+            "lap_time": 24.0,
+            "observation": (*DEFAULT_OBSERVATION, "lap_phase"),
+        },
+        "Take up a payload of unknown mass at one corner and put it down at another",
+        "The task of handling: the tip moves from corner to corner of the square, and rests for 2 s at each. In the "
+        "middle of the first rest it takes up a payload that each episode draws, in the middle of the third it puts it "
+        "down. The mass arrives with the tip's velocity, so that no impulse acts, but the arm that moves on is another "
+        "one. What counts is how soon the tip rests, how far it vibrates then, and how much the links are stressed.",
     ),
     "Paper-v0": Id(
         _PAPER_LAP,

@@ -154,7 +154,10 @@ class Settings(Options):
     def range_of(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity (`quantities.QUANTITIES`) that any episode may have."""
         own = self.own_value(name)
-        return ends_of(self.randomisation.get(name, (own, own)))
+        low, high = ends_of(self.randomisation.get(name, (own, own)))
+        changes = self.payload_changes or () if name == "payload_mass" else ()
+        also = [mass for _, mass in changes if mass is not None]
+        return min(low, *also, low), max(high, *also, high)
 
     @property
     def laps(self) -> tuple[float, float]:

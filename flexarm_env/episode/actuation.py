@@ -14,6 +14,7 @@ from numpy import floor
 from flexarm_env.codegen.arrays import Arena, LaneRow, Words
 from flexarm_env.codegen.declarations import Function, chosen_by_program, per_lane
 from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.payload import change_payloads
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
@@ -152,6 +153,8 @@ def drive_torque(block: Block) -> None:
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
+        if variant.payloads:
+            change_payloads(block, step)
         step_kernel(arena, settings[setting.STEP])
         if variant.motors:
             share = settings[setting.STEP] / settings[setting.PERIOD]
@@ -242,6 +245,8 @@ def drive_tracking(block: Block) -> None:
     for step in range(header[word.SUBSTEPS]):
         if header[word.SHIFTING] == 0 and (step == 0 or not held):
             write_commands(block, step, held)
+        if variant.payloads:
+            change_payloads(block, step)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(
             arena, h, (spline_factors(begin, period), spline_factors(middle, period), spline_factors(end, period))

@@ -21,6 +21,7 @@ from flexarm_env.codegen.elementary import normal
 from flexarm_env.codegen.intrinsics import TILE, write_tile
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
+from flexarm_env.episode.payload import NEAR
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
@@ -32,7 +33,6 @@ from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD, reference_at
 
-NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
 FINAL_REST = 0.25  # of the lap; the rest after the move back (`reset.draw_moves`)
 
 

@@ -13,6 +13,7 @@ from numpy import floor
 from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, Table
 from flexarm_env.codegen.elementary import sincos, uniform
 from flexarm_env.codegen.intrinsics import array_at
+from flexarm_env.episode.payload import begin_payload, set_constants
 from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import (
@@ -50,20 +51,8 @@ def set_quantities(arena: Arena, own: Table, request: ResetRequest, i: int) -> N
         if request[column.DRAWN + n] == request[column.DRAWN + n]:
             value = request[column.DRAWN + n]
         arena[row.EPISODE + n, i] = value
-    payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - own[lane_setting.BASE + drawn.PAYLOAD_MASS]
-    stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
-    # damping is linear in its ratio, and grows with the root of the stiffness (`physics.damping`)
-    ratio = arena[row.EPISODE + drawn.DAMPING, i]
-    damping = ratio * sqrt(stiffness) - own[lane_setting.BASE + drawn.DAMPING]
-    for n in range(variant.constants):
-        value = (
-            own[lane_setting.ARM + n]
-            + payload * own[lane_setting.PER_PAYLOAD + n]
-            + damping * own[lane_setting.PER_DAMPING + n]
-        )
-        if constant.STIFFNESS_1 <= n < constant.DAMPING_1:
-            value *= stiffness
-        arena[row.CONSTANTS + n, i] = value
+    if not variant.payloads:
+        set_constants(arena, own, arena[row.EPISODE + drawn.PAYLOAD_MASS, i], i)
     delay = arena[row.EPISODE + drawn.DELAY, i]
     for r in range(2):
         late = delay if delay == delay else own[lane_setting.SENSOR_DELAYS + r]
@@ -245,6 +234,8 @@ def reset_lanes(block: Block) -> None:
                 direction = own[lane_setting.DIRECTION]
                 clock[clock_row.PATH, i] = draw_path(keys[i], header[word.PATH_NAMES], direction, request)
             draw_start(block, keys[i], request, i)
+            if variant.payloads:
+                begin_payload(block, own, i)
             initial_state(block, keys[i], request, i)
             clear_lane(block, i)
     if not (variant.foreshortened or variant.hosted):

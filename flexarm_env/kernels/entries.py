@@ -30,6 +30,7 @@ class Shape(NamedTuple):
         sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
         dry: joints have dry friction.
         motors: torques pass through motors that are not ideal (`motors`).
+        payloads: how many changes of the payload a lap has (`episode.payload`).
     """
 
     program: Program
@@ -38,12 +39,14 @@ class Shape(NamedTuple):
     sensors: tuple[tuple[str, int], ...] = ()
     dry: bool = False
     motors: bool = False
+    payloads: int = 0
 
     @property
     def groups(self) -> frozenset[str]:
         """Of the parts that tables have (`layout`)."""
         groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
-        return groups | {"motors"} if self.motors else groups
+        own = {"motors": self.motors, "payloads": self.payloads}
+        return groups | {name for name, has in own.items() if has}
 
     @property
     def size(self) -> int:
@@ -71,7 +74,8 @@ class Shape(NamedTuple):
         return self.foreshortened * self.modes * (self.modes + 1) // 2
 
 
-_constants = attrgetter("constants")
+_constants, _payloads = attrgetter("constants"), attrgetter("payloads")
+_PAYLOADS = ("payloads",)
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:
@@ -114,6 +118,8 @@ class Setting(Names):
     ERROR_LIMIT = Entry("of the tip's distance from the reference", "m", 1, _ENVIRONMENT)
     START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2, _ENVIRONMENT)
     MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2, _ENVIRONMENT)
+    CHANGE_PHASES = Entry("of the lap, at which the payload changes", "1", _payloads, _PAYLOADS)
+    CHANGE_MASSES = Entry("payload from then on; NaN: the episode's", "kg", _payloads, _PAYLOADS)
     WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0, _ENVIRONMENT)
 

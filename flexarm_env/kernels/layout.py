@@ -7,6 +7,7 @@ which rows its arenas have:
 - "tracking": the joint-space law tracks the reference (`joint_tracking`),
 - "environment": an environment (`episode`),
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
+- "payloads": the payload changes within the lap (`payload`),
 - "motors": its torques pass through motors that are not ideal (`motors`),
 - "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
@@ -75,6 +76,7 @@ _ENVIRONMENT = ("environment",)
 _HOSTED = ("hosted",)
 _FURTHER = tuple(FURTHER_SENSORS)
 _MOTORS = ("motors",)
+_PAYLOADS = ("payloads",)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
@@ -170,6 +172,8 @@ class Row(Names):
     TORQUE_LEVELS = Entry("largest multiple", "1", 2, _MOTORS)
     ACTED = Entry("mean torque of the latest step", "N m", 2, _MOTORS)
 
+    MISSED = Entry("whether the tip was not near the reference when the payload changed", "1", 1, _PAYLOADS)
+
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
     TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
@@ -261,6 +265,7 @@ class Row(Names):
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _ENVIRONMENT)
     LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
     FURTHER_READING = Entry("latest readings of the further sensors", "their units", _readings, _FURTHER)
+    CARRIED = Entry("payload at the tip", "kg", 1, _PAYLOADS)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)

@@ -38,6 +38,7 @@ class Variant:
         sensors: see `Shape` (environments only).
         dry: see `Shape`.
         motors: see `Shape` (environments only).
+        payloads: see `Shape` (environments only).
     """
 
     program: Program
@@ -53,6 +54,7 @@ class Variant:
     sensors: tuple[tuple[str, int], ...] = ()
     dry: bool = False
     motors: bool = False
+    payloads: int = 0
 
     @property
     def kind(self) -> str:
@@ -62,7 +64,7 @@ class Variant:
     @property
     def shape(self) -> Shape:
         """What the layouts depend on."""
-        return Shape(self.program, self.modes, self.foreshortened, self.sensors, self.dry, self.motors)
+        return Shape(self.program, self.modes, self.foreshortened, self.sensors, self.dry, self.motors, self.payloads)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
@@ -161,6 +163,8 @@ class Variant:
             parts.append("dry friction")
         if self.motors:
             parts.append("motors")
+        if self.payloads:
+            parts.append(f"{self.payloads} changes of the payload")
         parts += [f"a sensor of {quantity} on link {link}" for quantity, link in self.sensors]
         return ", ".join(parts)
 

@@ -138,6 +138,19 @@ def figure_eight(parameters: SquareParameters) -> ReferencePath:
     return _curve(parameters, parameters.side * np.column_stack([x, y]))
 
 
+def stops(parameters: SquareParameters) -> ReferencePath:
+    """Return the square with a rest at each corner: two thirds of a quarter lap on the side, the others at its end.
+
+    A side is travelled from rest to rest along the polynomial of fifth degree (minimum jerk).
+    """
+    corners = square(parameters).table[:, 1:]
+    side = np.minimum(np.arange(_STOP_POINTS) // (_STOP_POINTS // 4), 3)
+    u = np.clip((np.arange(_STOP_POINTS) / (_STOP_POINTS // 4) - side) * 1.5, 0.0, 1.0)
+    share = (u**3 * (10.0 + u * (6.0 * u - 15.0)))[:, None]
+    points = np.vstack([corners[side] + share * (corners[side + 1] - corners[side]), corners[:1]])
+    return ReferencePath(np.column_stack([parameters.lap_time * np.linspace(0.0, 1.0, _STOP_POINTS + 1), points]))
+
+
 def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
     """Return a path through points of the user's.
 
@@ -173,7 +186,8 @@ def sides_of(label: str, points: ArrayLike, closed: bool = True) -> tuple[Array,
     return ends, lengths
 
 
-PATHS = {"square": square, "circle": circle, "line": line, "figure_eight": figure_eight}
+PATHS = {"square": square, "circle": circle, "line": line, "figure_eight": figure_eight, "stops": stops}
+_STOP_POINTS = 2400  # sides of the polygon that stands for the moves and rests of `stops`
 _CURVE_POINTS = 1600  # sides of the polygon that stands for a curve: at 10 ms of the default lap one each
 
 

@@ -93,6 +93,13 @@ PICTURES = {
         {"start": "corner", "elbow_branch": "negative"},
         5000,
     ),
+    "Carry-v0": moving(
+        "With 1.5 kg, under a stiff spring and damper in each joint: the tip swings past the second corner.",
+        6.0,
+        470,
+        STIFF,
+        payload_mass=1.5,
+    ),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
     ),

@@ -191,11 +191,14 @@ hold, is in [the paper, reproduced](../reproduction.md)."""
 _LAB = """\
 The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
 the controllers by name."""
+_CARRY = """\
+None yet."""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
     "Reach-v0": "The shipped agents, trained on the square, lose most episodes; plans take the tip there exactly.",
     "Lab-v0": "",
+    "Carry-v0": "",
     "Paper-v0": "",
 }
 _OTHERS: Mapping[str, Callable[[], str]] = {
@@ -203,5 +206,6 @@ _OTHERS: Mapping[str, Callable[[], str]] = {
     "SquareDelayHard-v0": lambda: _NOT_YET,
     "Reach-v0": _moves,
     "Lab-v0": lambda: _LAB,
+    "Carry-v0": lambda: _CARRY,
     "Paper-v0": lambda: _PAPER,
 }

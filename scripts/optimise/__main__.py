@@ -34,6 +34,8 @@ from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name, published
 
 PUBLISHED = Study("the best known laps", lambda folder, jobs: published(PLANS), TABLES)
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
+# Of named paths; `stops` is the task of an arm whose payload changes on the way.
+PLANNED = tuple(name for name in PATHS if name != "stops")
 PATHS_OF: dict[str, tuple[str, ...]] = {"linear": ("square",)}  # of some arms; others have all
 
 
@@ -47,7 +49,7 @@ class Options:
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")
     """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
-    paths: tuple[str, ...] = (*PATHS, reach.PATH, corner.PATH)
+    paths: tuple[str, ...] = (*PLANNED, reach.PATH, corner.PATH)
     """Names of references; moves: those that `FlexArm/Reach-v0` draws, of the default arm; corner: what limits the
     plain lap of the square at its corners, one change at a time."""
     change_weight: float | None = None
@@ -80,11 +82,11 @@ def main() -> None:
     for lap in options.laps:
         choice("laps", lap, tuple(LAPS))
     for path in options.paths:
-        choice("paths", path, (*PATHS, reach.PATH, corner.PATH))
+        choice("paths", path, (*PLANNED, reach.PATH, corner.PATH))
     options.output.mkdir(parents=True, exist_ok=True)
     files = []
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
-        if path in PATHS_OF.get(arm, tuple(PATHS)):
+        if path in PATHS_OF.get(arm, PLANNED):
             files += _optimise(arm, path, lap, options)
     if reach.PATH in options.paths:
         files.append(DRAWN)

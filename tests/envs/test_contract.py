@@ -72,6 +72,7 @@ def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any], kernel
 def test_what_is_registered() -> None:
     delays = [f"SquareDelay{name}" for name in ("Easy", "Hard", "Medium")]
     names = [
+        "Carry",
         "Lab",
         "Paper",
         "Reach",

@@ -17,9 +17,9 @@ REACH = "FlexArm/Reach-v0"
 
 
 def test_success_is_a_lap_with_a_quiet_final_rest() -> None:
-    """`Reach`: 1 at the end of the lap only, if the tip was within 2 cm from 12 s to 16 s; no other id has it."""
+    """`Reach`: 1 at the end of the lap only, if the tip was within 2 cm from 12 s to 16 s; `Carry` has another one."""
     settings = {name: make(f"FlexArm/{name}").unwrapped.settings for name in IDS}
-    assert [name for name, own in settings.items() if "is_success" in info_keys(own)] == ["Reach-v0"]
+    assert [name for name, own in settings.items() if "is_success" in info_keys(own)] == ["Reach-v0", "Carry-v0"]
     env = make(REACH, error_limit=None, deflection_limit=None)
     inner = env.unwrapped
     assert isinstance(inner, FlexArmEnv)

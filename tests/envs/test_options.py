@@ -39,6 +39,7 @@ MESSAGES = [
     refused(r"modes_per_link = 5: must be an integer from 1 to 4", {"arm": {"modes_per_link": 5}}),
     refused(r"arm = 'new': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": {"preset": "new"}}),
     refused(r"torque_rate_limit\[0\] = 0\.0: must be", {"action_mode": "torque_rate", "torque_rate_limit": (0.0, 1.0)}),
+    refused(r"payload_changes = \(\(0\.1, 1\.0\),\): must be two changes at least", {"payload_changes": ((0.1, 1.0),)}),
     refused(r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619", {"physics_step": 0.02}),
     refused(r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed", {"physics_step": 0.1}, PAPER),
     refused(

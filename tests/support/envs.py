@@ -137,7 +137,11 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
             "imu_range": (80.0, 17.0),
         },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
-        {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
+        {
+            "action_mode": "torque_rate",
+            "torque_rate_limit": (1000.0, 400.0),
+            "payload_changes": ((0.001, 1.0), (0.25, None)),
+        },
         {
             "motor_time_constant": (0.002, 0.003),
             "torque_speed_limit": (30.0, 100.0),
@@ -169,7 +173,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
     ],
 }
 # Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
-_CHOICES = ("Lab", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
+_CHOICES = ("Carry", "Lab", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
 

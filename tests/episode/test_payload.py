@@ -1,0 +1,186 @@
+"""Payloads that change within the lap, in plain Python: against arms that are made with the mass, and energies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.settings import Settings
+from flexarm_env.episode.payload import carried_payload, change_payloads
+from flexarm_env.kernels.entries import clock_row, column
+from flexarm_env.kernels.variants import block_at
+from flexarm_env.simulation.arm import FlexibleArm
+from tests.support.envs import SQUARE, bare, vector
+from tests.support.plain import PlainEnvironment
+from tests.support.refusals import refuses
+
+LINEAR = {"preset": "linear", "modes_per_link": 1}
+ARMS = [{"modes_per_link": 1, "payload_mass": 0.4}, LINEAR | {"payload_mass": 0.4}]
+CARRIED = ((0.03 / 16, 1.3), (0.05 / 16, None))
+FAST: dict[str, Any] = {"start": "corner", "elbow_branch": "negative", "payload_changes": CARRIED}
+ACTIONS = [(0.9, -0.4), (0.7, 0.8), (-0.3, 0.5), (0.4, -0.9), (0.2, 0.6), (-0.8, 0.1), (0.5, 0.5)]
+
+
+def arm_with(arm: dict[str, Any], mass: float) -> FlexibleArm:
+    """Return the arm, made with another payload."""
+    return FlexibleArm(replace(Settings.of({"arm": arm}).flexible_arm.parameters, payload_mass=mass))
+
+
+def memory_of(env: PlainEnvironment) -> Any:
+    return env.simulator._memory
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_motion_goes_on_as_that_of_an_arm_made_with_the_mass(arm: dict[str, Any]) -> None:
+    """Its state is where the last one left off: no rate jumps. The payload of the lap's start is the last change's."""
+    env = PlainEnvironment(arm=arm, **FAST)
+    env.reset()
+    begun, states = env.row("CONSTANTS"), [env.result("STATE")]
+    carried = [env.result("CARRIED")[0]]
+    for action in ACTIONS:
+        env.step(action)
+        states.append(env.result("STATE"))
+        carried.append(env.result("CARRIED")[0])
+    assert carried == [0.4] * 4 + [1.3] * 2 + [0.4] * 2  # the change at 0.03 s is in the period that begins then
+    torques, step = np.float32(ACTIONS).astype(float) * (150.0, 50.0), env.simulator.settings.integration.step
+    for n, mass in enumerate(carried[1:]):
+        expected = arm_with(arm, mass).rollout(states[n], torques[n : n + 1], step=step).states[1]
+        scale = np.abs(states[n]).max()
+        np.testing.assert_allclose(states[n + 1], expected, rtol=0.0, atol=1e-11 * scale)  # constants round otherwise
+    np.testing.assert_array_equal(env.row("CONSTANTS"), begun)  # put down: the same numbers to the bit
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_rates_stay_and_momenta_and_energy_take_the_mass(arm: dict[str, Any]) -> None:
+    env = PlainEnvironment(arm=arm, **FAST)
+    env.reset()
+    for action in ACTIONS[:3]:
+        env.step(action)
+    before = {name: env.row(name) for name in ("Y", "V", "P", "FORCE")}
+    with plain_python(env.simulator._variant):
+        change_payloads(block_at(memory_of(env), 0), 0)
+    after = {name: env.row(name) for name in before}
+    for name in ("Y", "V"):
+        np.testing.assert_array_equal(after[name], before[name])
+    old, new = arm_with(arm, 0.4), arm_with(arm, 1.3)
+    state = env.result("STATE")
+    velocity = old.velocity(state, 2, old.parameters.link_lengths[1])
+    jump = sum(new.energy(state)[:3]) - sum(old.energy(state)[:3])
+    kinetic = 0.5 * (after["P"] - before["P"]) @ before["V"]
+    assert kinetic == pytest.approx(0.5 * 0.9 * velocity @ velocity, rel=1e-9)
+    assert kinetic == pytest.approx(jump, rel=1e-9)
+    assert np.linalg.norm(velocity) > 0.1  # [m/s]; else the jump says little
+
+
+def test_a_change_is_due_at_its_integration_step() -> None:
+    """Also of an episode that begins between two control periods of the lap."""
+    env = PlainEnvironment(
+        arm=ARMS[0], **FAST | {"payload_changes": ((0.036 / 16, 2.0), (0.2 / 16, 0.0)), "start": "mix"}
+    )
+    env.simulator.usual_requests = env.simulator.usual_requests.copy()
+    env.simulator.usual_requests[:, column.PHASE] = 0.026
+    env.simulator._usual = False
+    env.reset()
+    assert env.result("CARRIED") == [0.0]
+    env.step((0.5, 0.0))
+    assert env.result("CARRIED") == [0.0]
+    env.step((0.5, 0.0))
+    assert env.result("CARRIED") == [2.0]
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(st.floats(0.0, 0.99), min_size=2, max_size=4, unique=True), st.floats(5.0, 20.0), st.integers(0, 40_000)
+)
+def test_the_latest_change_of_the_lap_counts(phases: list[float], lap: float, steps: int) -> None:
+    phases = sorted(phases)
+    changes = tuple((one, float(n)) for n, one in enumerate(phases))
+    env = PlainEnvironment(arm=ARMS[0], lap_time=lap, payload_changes=changes, start="corner", physics_step=0.002)
+    with plain_python(env.simulator._variant):
+        block = block_at(memory_of(env), 0)
+        block.clock[clock_row.STEPS, 0] = steps
+        found = carried_payload(block, 0, 0)
+    phase = steps * env.simulator.settings.integration.step / lap % 1.0
+    if min(abs(phase - one) for one in (*phases, 1.0)) > 1e-6:
+        assert found == (np.searchsorted(phases, phase) - 1) % len(phases)
+
+
+def test_success_is_to_be_there_when_the_payload_changes() -> None:
+    resting: dict[str, Any] = {"reference": "stops", "start": "corner"}
+    near = PlainEnvironment(arm=ARMS[0], **resting, payload_changes=((0.01 / 16, 1.0), (0.02 / 16, 0.0)))
+    near.reset()
+    assert near.result("SUCCESS") == [0.0]
+    near.step((0.0, 0.0))
+    assert near.result("SUCCESS") == [0.0]
+    near.step((0.0, 0.0))
+    assert near.result("SUCCESS") == [1.0]
+    far = PlainEnvironment(arm=ARMS[0], payload_changes=((0.05 / 16, 1.0), (0.06 / 16, 0.0)), start="corner")
+    far.reset()
+    for _ in range(8):
+        far.step((0.0, 0.0))
+    assert far.result("SUCCESS") == [0.0]
+    assert far.row("MISSED") == [1.0]
+
+
+def test_a_state_holds_the_payload_and_what_it_changes() -> None:
+    """Another environment goes on from it, though its own episode has drawn another arm."""
+    drawn = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}
+    options = FAST | {"arm": ARMS[0], "randomisation": drawn}
+    options["payload_changes"] = ((0.03 / 16, None), (0.05 / 16, 0.0))
+    env, other = bare(**options), bare(**options)
+    env.reset(seed=3)
+    other.reset(seed=4)
+    for action in ACTIONS[:4]:
+        env.step(np.float32(action))
+    other.set_state(env.get_state())
+    for action in ACTIONS[4:]:
+        np.testing.assert_equal(other.step(np.float32(action)), env.step(np.float32(action)))
+    assert env.step(np.float32(action))[4]["payload"] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["torque", "residual"])
+def test_a_batch_has_the_same_bits_as_each_alone(mode: str) -> None:
+    options: dict[str, Any] = FAST | {"payload_changes": ((0.03 / 16, None), (0.06 / 16, 0.1)), "action_mode": mode}
+    options |= {"arm": ARMS[1], "randomisation": {"payload_mass": (0.2, 1.5)}}
+    envs, env = vector(SQUARE, 3, **options), bare(**options)
+    envs.reset(seed=[1, 2, 3])
+    together = [envs.step(np.tile(np.float32(action), (3, 1))) for action in ACTIONS]
+    for n, seed in enumerate((1, 2, 3)):
+        env.reset(seed=seed)
+        for action, batch in zip(ACTIONS, together, strict=True):
+            observation, _, _, _, info = env.step(np.float32(action))
+            np.testing.assert_array_equal(observation, batch[0][n])
+            np.testing.assert_array_equal(info["payload"], batch[4]["payload"][n])
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    for changes, words in (
+        (((0.1, 0.5),), "two changes at least"),
+        (((0.2, 0.5), (0.1, 0.0)), "shares that increase"),
+        (((0.1, 0.5), (0.2,)), "a share of the lap and a mass"),
+        (((0.1, 0.5), (1.2, 0.0)), "must be"),
+        (((0.1, -0.5), (0.2, 0.0)), "must be"),
+    ):
+        with refuses(ValueError, "payload_changes", words):
+            Settings.of({"payload_changes": changes})
+    with refuses(ValueError, "payload_changes", "no effect with action_mode = 'gain'"):
+        Settings.of({"payload_changes": CARRIED, "action_mode": "gain"})
+    with refuses(ValueError, "payload_changes", "compiled arm"):
+        HostedSimulator(Settings.of({"payload_changes": CARRIED}), None)  # type: ignore[arg-type]
+
+
+def test_the_step_is_that_of_the_lightest_arm() -> None:
+    """A payload that is put down leaves faster modes, though the arm has one."""
+    light = Settings.of({"physics_step": None})
+    heavy = Settings.of({"arm": {"payload_mass": 5.0}})
+    both = Settings.of({"arm": {"payload_mass": 5.0}, "payload_changes": ((0.1, 0.0), (0.2, None))})
+    assert both.range_of("payload_mass") == (0.0, 5.0)
+    assert both.substeps >= max(light.substeps, heavy.substeps)
