@@ -24,6 +24,7 @@ from flexarm_env.metrics.errors import (
 from flexarm_env.metrics.figures import CornerFigures, LapFigures
 from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures, optimality_gap
 from flexarm_env.metrics.motion import elbow_changes, tip_acceleration, vibration
+from flexarm_env.metrics.rests import Rest, bending_moment, rests
 from flexarm_env.metrics.running import Instants, RunningFigures, contour_and_lag
 from flexarm_env.metrics.summary import summary
 
@@ -33,8 +34,10 @@ __all__ = [
     "CornerFigures",
     "Instants",
     "LapFigures",
+    "Rest",
     "RunningFigures",
     "TrackingError",
+    "bending_moment",
     "circle_fit",
     "contour_and_lag",
     "corners",
@@ -47,6 +50,7 @@ __all__ = [
     "optimality_gap",
     "overshoot",
     "path_difference",
+    "rests",
     "summary",
     "tip_acceleration",
     "tracking_error",
