@@ -18,6 +18,8 @@ from flexarm_env.validation import choice
 
 TORQUE_LIMIT = (150.0, 50.0)  # [N m], of shoulder and elbow
 JOINTS = ("shoulder", "elbow")
+# What changes the arm or acts on it within an episode; the implicit integrator of the gain knows none of it.
+ON_THE_ARM = ("payload_changes", "pulse_force", "pulse_time", "pulse_duration", "pulse_period")
 # Options that make motors not ideal, with the values at which they are.
 IDEAL_MOTORS = {"motor_time_constant": (0.0, 0.0), "torque_speed_limit": None, "torque_resolution": (0.0, 0.0)}
 
@@ -76,7 +78,7 @@ MODES: dict[str, ActionMode] = {
         inverse="torque / torque_limit",
         limit="torque_limit",
         program="torque",
-        options=("payload_changes", *IDEAL_MOTORS),
+        options=(*ON_THE_ARM, *IDEAL_MOTORS),
     ),
     "torque_rate": ActionMode(
         text="change of the motors' torque per second: at the start of a control period the torque becomes "
@@ -89,7 +91,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_rate_limit",
         program="torque_rate",
         accumulates=True,
-        options=("torque_rate_limit", "payload_changes", *IDEAL_MOTORS),
+        options=("torque_rate_limit", *ON_THE_ARM, *IDEAL_MOTORS),
     ),
     "residual": ActionMode(
         text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "
@@ -101,7 +103,7 @@ MODES: dict[str, ActionMode] = {
         limit="torque_limit",
         program="tracking",
         law="joints",
-        options=("inner_stiffness", "inner_damping", "payload_changes"),
+        options=("inner_stiffness", "inner_damping", *ON_THE_ARM),
     ),
     "reference": ActionMode(
         text="shift of that law's joint target, reached linearly within the control period",
@@ -113,7 +115,7 @@ MODES: dict[str, ActionMode] = {
         program="tracking",
         law="joints",
         shifts=True,
-        options=("shift_limit", "inner_stiffness", "inner_damping", "payload_changes"),
+        options=("shift_limit", "inner_stiffness", "inner_damping", *ON_THE_ARM),
     ),
     "gain": ActionMode(
         text="the gain lambda of the paper's law (10), (14), which acts in continuous time",

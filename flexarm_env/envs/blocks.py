@@ -12,9 +12,11 @@ import numpy as np
 
 from flexarm_env.actions import MODES
 from flexarm_env.envs.bounds import (
+    MOST_SECONDS,
     Range,
     Workspace,
     even_range,
+    gauged_range,
     joint_rate_bound,
     measured_angle_bounds,
     measured_rate_bound,
@@ -40,7 +42,6 @@ READINGS = {
     TRUE_STATE: "the arm's whole state, which no sensor delivers",
     EPISODE: "delays, payload, stiffness, damping and noise of the episode",
 }
-MOST_SECONDS = 1e9  # of an episode
 PRIVILEGED = (TRUE_STATE, EPISODE)  # readings of which no real arm has a sensor
 PARAMETER_SCALES = [0.05, 1.0, 1.0, 0.02, 0.02, 0.02]  # as of `DRAWN`, for usual draws; the same in a whole batch
 
@@ -214,8 +215,8 @@ BLOCKS: dict[str, Block] = {
     "modal_coordinates": Block(
         "of link 1, of link 2, from strain gauges",
         "1",
-        lambda s: ("STATE", 2, 2 * _modes(s)),
-        lambda s, r: modal_range(s, rates=False),
+        lambda s: ("GAUGES", 0, 2 * _modes(s)) if s.drifting else ("STATE", 2, 2 * _modes(s)),
+        lambda s, r: gauged_range(s, rates=False),
         ANGLE,
         reads=STRAIN_GAUGES,
         count="2 m",
@@ -223,8 +224,10 @@ BLOCKS: dict[str, Block] = {
     "modal_rates": Block(
         "rates of the modal coordinates",
         "1/s",
-        lambda s: ("STATE", 4 + 2 * _modes(s), 2 * _modes(s)),
-        lambda s, r: modal_range(s, rates=True),
+        lambda s: (
+            ("GAUGES", 2 * _modes(s), 2 * _modes(s)) if s.drifting else ("STATE", 4 + 2 * _modes(s), 2 * _modes(s))
+        ),
+        lambda s, r: gauged_range(s, rates=True),
         ANGLE,
         reads=STRAIN_GAUGES,
         count="2 m",

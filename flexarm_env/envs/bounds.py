@@ -19,6 +19,7 @@ from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
 
+MOST_SECONDS = 1e9  # of an episode
 LARGEST_DEVIATE = 8.6  # of `elementary.normal`
 
 
@@ -124,6 +125,14 @@ def modal_range(settings: Settings, rates: bool) -> Range:
     bound = state_limits(arm)
     part = bound[arm.size + 2 :] if rates else bound[2 : arm.size]
     return Range((arm.parameters.reach / REACH * scale / tips).tolist(), part.tolist())
+
+
+def gauged_range(settings: Settings, rates: bool) -> Range:
+    """Return scales and bounds of modal coordinates or rates as strain gauges read them."""
+    found, modes = modal_range(settings, rates), settings.flexible_arm.parameters.modes_per_link
+    for link, drift in enumerate(settings.gauge_drift):
+        found.bound[link * modes] += abs(drift) * (1.0 if rates else MOST_SECONDS)
+    return found
 
 
 def measured_angle_bounds(settings: Settings) -> list[float]:

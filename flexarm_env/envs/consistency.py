@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from flexarm_env.envs.choices import MOVE_POINTS
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.sensors import FURTHER, Sensor
@@ -26,6 +28,14 @@ def _is_observed(sensor: Sensor) -> Callable[[Any], bool]:
     return lambda settings: not set(settings.observation).isdisjoint(sensor.blocks)
 
 
+# Options that others have no effect without, unless they are drawn: where they are 0 nothing happens.
+SWITCHES = {"pulse_force": ("pulse_time", "pulse_duration", "pulse_period"), "outage_duration": ("outage_time",)}
+
+
+def _is_on(switch: str) -> Callable[[Any], bool]:
+    return lambda settings: bool(np.any(getattr(settings, switch))) or switch in settings.randomisation
+
+
 def on_a_named_path(settings: Any) -> bool:
     """Return whether an episode may follow one of `PATHS`."""
     return not set(settings.reference).isdisjoint(PATHS)
@@ -41,6 +51,11 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "previews": (lambda s: "previews" in s.observation, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
+    **{name: (_is_on(switch), f"with {switch} other than 0") for switch, of in SWITCHES.items() for name in of},
+    "gauge_drift": (
+        lambda s: not {"modal_coordinates", "modal_rates"}.isdisjoint(s.observation),
+        "with an observation block of the strain gauges, 'modal_coordinates' or 'modal_rates'",
+    ),
     **dict.fromkeys(("jitter", "sensor_period"), (_late, "with a sensor that is late, not with a collocated one")),
     **{
         f"{sensor.name}_link": (
@@ -101,7 +116,7 @@ def _refuse_contradictions(settings: Any) -> None:
     if any(unit > most for unit, most in zip(units, limits, strict=True)):
         raise ValueError(f"torque_resolution = {units} N m: must be at most torque_limit = {limits} N m")
     if settings.feedback_source == "sensor":
-        for name in ("jitter", "sensor_period", "dropout"):
+        for name in ("jitter", "sensor_period", "dropout", "outage_duration"):
             if getattr(settings, name) != 0.0:
                 raise ValueError(
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
@@ -115,6 +130,13 @@ def _refuse_contradictions(settings: Any) -> None:
         raise ValueError(
             f"sensor_period = {hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
+        )
+    periods, durations = (
+        _ends(settings, f"pulse_{one}", (getattr(settings, f"pulse_{one}"),)) for one in ("period", "duration")
+    )
+    if periods[1][0] > 0.0 and periods[0][0] < durations[1][0]:
+        raise ValueError(
+            f"pulse_period = {periods[0][0]} s: must be 0, or at least pulse_duration = {durations[1][0]} s"
         )
     if settings.compensation != "none" and not _late(settings):
         raise ValueError(

@@ -40,6 +40,7 @@ None, it is the distance from the shoulder to the sensor over the wave speed: 31
 - `jitter` adds to the delay of each reading an amount drawn uniformly from 0 to that value.
 - `sensor_period` is the period of a slower clock: readings are taken at its ticks only.
 - `dropout` is the probability that a reading is lost; the one before then stays.
+- `outage_duration` is how long no reading is taken, from `outage_time` on.
 
 A reading is ignored unless it is newer than the one before by half a control period. `sensor_error` compares a reading
 with the target at the time of that reading. For a "true" sensor at the tip, the default, it is the exact error of a
@@ -47,6 +48,12 @@ moment ago. For a sensor elsewhere on link 2 it is the vector from that point to
 "rigid" sensor it mixes two moments.
 
 {PARAGRAPHS}"""
+DISTURBANCES = """\
+`pulse_force` pushes the tip, once or every `pulse_period` seconds. Its generalised force is the tip's Jacobian
+transposed times it, so that it does the work of the force; an accelerometer feels it. `gauge_drift` moves what strain
+gauges read of the links' first modes away from the state. `payload_changes` gives the tip a mass, or takes it: the
+rates stay and the momenta change, since the mass arrives with the tip's velocity. `randomisation` draws the numbers of
+all of them but the last, whose mass may be the episode's `payload_mass`."""
 MIRROR = """\
 The mirror image of a motion is a motion, since there is no gravity. Reflect an episode about the world's x axis: the
 start corner, the direction of the lap, `elbow_branch`, and the signs of the state's angles and modal coordinates.

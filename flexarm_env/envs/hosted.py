@@ -96,14 +96,14 @@ class HostedSimulator(BatchSimulator):
             plant: the arm, made for these settings.
 
         Raises:
-            ValueError: for an action mode whose law acts within the compiled arm, motors that are not ideal, or a
-                payload that changes.
+            ValueError: for an action mode whose law acts within the compiled arm, motors that are not ideal,
+                a payload that changes, or pulses.
         """
         if settings.real_motors:
             given = " or ".join(IDEAL_MOTORS)
             raise ValueError(f"{given}: act within the compiled arm; on another engine's arm motors must be ideal")
-        if settings.payload_changes:
-            raise ValueError("payload_changes: the compiled arm alone can change its payload; must be None")
+        if settings.payload_changes or settings.pulsed:
+            raise ValueError("payload_changes, pulse_force: act on the compiled arm alone; must be None and 0")
         self.plant = plant
         super().__init__(settings, 1)
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexarm_env.actions import IDEAL_MOTORS, MODES
-from flexarm_env.allowed import Allowed, Custom, Number, OneOf, Optional, Pair, allowed_of, declared
+from flexarm_env.allowed import Allowed, Custom, Number, OneOf, Optional, Pair, ZeroOr, allowed_of, declared
 from flexarm_env.envs.consistency import checked_arm, checked_changes
 from flexarm_env.parameters import (
     MAX_DELAY,
@@ -82,6 +82,14 @@ class MotionOptions:
         IDEAL_MOTORS["torque_resolution"],
         "torques that commands are rounded to multiples of; 0: they are not",
         Pair(0.0, 1e9, "N m"),
+    )
+    pulse_force: tuple[float, float] = own(
+        (0.0, 0.0), "force of pulses that act at the tip, in the world's x and y", Pair(-1e6, 1e6, "N")
+    )
+    pulse_time: float = own(0.0, "when the first pulse begins, since the episode began", Number(0.0, 1e6, "s"))
+    pulse_duration: float = own(0.1, "how long a pulse lasts", Number(1e-6, 1e6, "s"))
+    pulse_period: float = own(
+        0.0, "from the beginning of one pulse to that of the next; 0: there is one", ZeroOr(1e-6, 1e6, "s")
     )
     gain_limit: float = own(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = option(

@@ -51,7 +51,7 @@ def shape_of(settings: Settings, program: Program) -> Shape:
     """Return the shape on which the tables of an environment's kernels depend."""
     k, modes = settings.flexible_arm.constants, settings.flexible_arm.parameters.modes_per_link
     has = (sensors_of(settings), settings.dry_joints, settings.real_motors, len(settings.payload_changes or ()))
-    return Shape(program, modes, k.foreshortened, *has)
+    return Shape(program, modes, k.foreshortened, *has, settings.pulsed, settings.drifting)
 
 
 class ObservationLayout(NamedTuple):

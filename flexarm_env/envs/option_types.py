@@ -25,6 +25,10 @@ class EnvOptions(TypedDict, total=False):
     motor_time_constant: Sequence[float]
     torque_speed_limit: Sequence[float] | None
     torque_resolution: Sequence[float]
+    pulse_force: Sequence[float]
+    pulse_time: float
+    pulse_duration: float
+    pulse_period: float
     gain_limit: float
     shift_limit: Sequence[float]
     inner_stiffness: Sequence[float]
@@ -43,6 +47,9 @@ class EnvOptions(TypedDict, total=False):
     jitter: float
     sensor_period: float
     dropout: float
+    outage_time: float
+    outage_duration: float
+    gauge_drift: Sequence[float]
     encoder_noise: Sequence[float]
     encoder_resolution: Sequence[float]
     second_sensor_link: int | None

@@ -91,6 +91,17 @@ class Options(MotionOptions):
     jitter: float = _own(0.0, "largest additional delay, drawn uniformly for each reading", _LATE)
     sensor_period: float = _own(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
     dropout: float = _own(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
+    outage_time: float = _own(
+        0.0, "when an outage of the sensor begins, since the episode began", Number(0.0, 1e6, "s")
+    )
+    outage_duration: float = _own(
+        0.0, "how long the outage lasts: readings that would be taken in it are lost", Number(0.0, 1e6, "s")
+    )
+    gauge_drift: tuple[float, float] = _own(
+        (0.0, 0.0),
+        "drift of the first modal coordinate of each link as strain gauges read it, 0 at the episode's start",
+        Pair(-1e3, 1e3, "1/s"),
+    )
     encoder_noise: tuple[float, float] = _own(
         (0.0, 0.0), "standard deviations of the noise of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )

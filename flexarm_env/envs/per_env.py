@@ -84,6 +84,8 @@ def common_values(settings: Settings) -> dict[str, Any]:
         "kept": kept,
         "real motors": settings.real_motors,
         "dry friction": settings.dry_joints,
+        "pulses": settings.pulsed,
+        "drift of gauges": settings.drifting,
         "substeps": settings.substeps,
         "paths": settings.reference if settings.has_own_path else "known",
     }
@@ -150,7 +152,7 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
             f"reference = {shown(one.reference)}: all environments must have it where it is one of {kinds} or {drawn} "
             f"is drawn, and all draw {drawn} or none"
         )
-    if name in ("real motors", "dry friction"):
+    if name in ("real motors", "dry friction", "pulses", "drift of gauges"):
         return f"{name}: all environments must have some, or none; a tiny value stands for 0"
     steps = [s.control_period / s.substeps for s in (one, first)]
     return (

@@ -15,7 +15,7 @@ from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
-from flexarm_env.envs.corners import ends, worst
+from flexarm_env.envs.corners import as_given, ends, worst
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.options import OF_PATHS, Options
 from flexarm_env.envs.own_paths import OF_EACH, rows_of, settled
@@ -36,6 +36,7 @@ from flexarm_env.simulation.stability import (
 from flexarm_env.simulation.step_error import TOLERANCE, enough_steps, expected_error
 from flexarm_env.validation import known_names, shown
 
+OF_EPISODES = ("real_motors", "dry_joints", "pulsed", "drifting")  # what holds for all of an environment's episodes
 # Options of the last release, and their names now.
 OLD_NAMES = {"inner_resistance": "inner_damping", "law_sensor": "feedback_source", "hold": "sensor_period"}
 
@@ -89,13 +90,12 @@ class Settings(Options):
             gymnasium.logger.warn(
                 f"reward_weights = {shown(self.reward_weights)}: no reward is above 0: ending an episode early pays"
             )
-        for what in ("law", "sensor_parameters", "flexible_arm", "real_motors", "dry_joints"):
+        for what in ("law", "sensor_parameters", "flexible_arm", *OF_EPISODES):
             getattr(self, what)  # each derived value has its own checks
         self._refuse_what_does_not_fit()
         for one, word in zip(ends(self), ("least", "largest"), strict=False):
             try:
-                given = {each.name: getattr(one, each.name) for each in fields(self)}
-                Settings(**given | {"start_spread": None})  # has its number, which other starts refuse
+                Settings(**as_given(one))
             except ValueError as error:
                 raise ValueError(f"randomisation: with the {word} of what is drawn, {error}") from None
         for what in ("integration", "history_slots"):
@@ -129,7 +129,7 @@ class Settings(Options):
         for name, numbers in values.items():
             own = tuple(map(float, np.ravel(numbers)))
             (known if name in known else arm)[name] = own if len(own) > 1 else own[0]
-        kept = ["integration", "real_motors", "dry_joints", *([] if arm else ["flexible_arm"])]
+        kept = ["integration", *OF_EPISODES, *([] if arm else ["flexible_arm"])]
         kept += ["paths"] if values.keys().isdisjoint(OF_PATHS) else []
         known |= {name: self.__dict__[name] for name in kept if name in self.__dict__}
         known["randomisation"] = {name: one for name, one in self.randomisation.items() if name in QUANTITIES}
@@ -237,10 +237,13 @@ class Settings(Options):
 
     @property
     def disturbed(self) -> bool:
-        """Whether noise, jitter, dropouts, counted angles, a sensor with its own clock or late torques can occur."""
+        """Whether noise, jitter, lost readings, counted angles, a sensor's own clock or late torques can occur."""
         noise = (self.noise, *self.encoder_noise, *(x for one in self.further_sensors for x in one.noise + one.bias))
         own = any(
-            (*noise, *self.encoder_resolution, self.jitter, self.dropout, self.sensor_period, self.actuation_delay)
+            (
+                *(*noise, *self.encoder_resolution, self.jitter, self.dropout, self.outage_duration),
+                *(self.sensor_period, self.actuation_delay),
+            )
         )
         return (
             own
@@ -263,6 +266,16 @@ class Settings(Options):
     def dry_joints(self) -> bool:
         """Whether joints have dry friction in any episode."""
         return any(any(arm_parameters(one.arm).breakaway) for one in (self, *ends(self)))
+
+    @cached_property
+    def pulsed(self) -> bool:
+        """Whether forces act at the tip in any episode."""
+        return any(any(one.pulse_force) for one in (self, *ends(self)))
+
+    @cached_property
+    def drifting(self) -> bool:
+        """Whether strain gauges drift in any episode."""
+        return any(any(one.gauge_drift) for one in (self, *ends(self)))
 
     @property
     def action_limit(self) -> tuple[float, ...]:

@@ -14,6 +14,7 @@ from numpy import floor
 from flexarm_env.codegen.arrays import Arena, LaneRow, Words
 from flexarm_env.codegen.declarations import Function, chosen_by_program, per_lane
 from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.disturbances import push_tips
 from flexarm_env.episode.payload import change_payloads
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
@@ -155,6 +156,8 @@ def drive_torque(block: Block) -> None:
                 arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
         if variant.payloads:
             change_payloads(block, step)
+        if variant.pulses:
+            push_tips(block, step)
         step_kernel(arena, settings[setting.STEP])
         if variant.motors:
             share = settings[setting.STEP] / settings[setting.PERIOD]
@@ -247,6 +250,8 @@ def drive_tracking(block: Block) -> None:
             write_commands(block, step, held)
         if variant.payloads:
             change_payloads(block, step)
+        if variant.pulses:
+            push_tips(block, step)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(
             arena, h, (spline_factors(begin, period), spline_factors(middle, period), spline_factors(end, period))

@@ -21,6 +21,7 @@ from flexarm_env.codegen.elementary import normal
 from flexarm_env.codegen.intrinsics import TILE, write_tile
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
+from flexarm_env.episode.disturbances import read_gauges
 from flexarm_env.episode.payload import NEAR
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
@@ -73,6 +74,8 @@ def update_measurements(block: Block) -> None:
         truth_kernel(arena)
     follow_reference(block, settings[setting.STEP])
     note_times(block)
+    if variant.drifting:
+        read_gauges(block)
     sense(block)
     if variant.further_readings:
         sense_further(block)

@@ -205,6 +205,9 @@ def clear_lane(block: Block, i: int) -> None:
         arena[row.NOISE, i] = 0.0
         arena[row.NOISE + 1, i] = 0.0
         prepare_law(arena, i)
+    if variant.pulses:
+        arena[row.TIP_FORCE, i] = 0.0
+        arena[row.TIP_FORCE + 1, i] = 0.0
     if variant.motors:
         arena[row.MOTOR, i] = 0.0
         arena[row.MOTOR + 1, i] = 0.0

@@ -46,7 +46,7 @@ def uniform_delay(arena: Arena) -> bool:
     late, later = arena[row.SENSOR_DELAY, 0], arena[row.SENSOR_DELAY + 1, 0]
     others = 0
     for i in range(variant.lanes if variant.disturbed else 0):
-        others += arena[row.HOLD, i] + arena[row.JITTER, i] + arena[row.DROPOUT, i] > 0.0
+        others += arena[row.HOLD, i] + arena[row.JITTER, i] + arena[row.DROPOUT, i] + arena[row.OUTAGE + 1, i] > 0.0
     for i in range(variant.lanes):
         others += arena[row.SENSOR_DELAY, i] != late
         others += arena[row.SENSOR_DELAY + 1, i] != later
@@ -144,7 +144,7 @@ def latest_reading(block: Block, i: int, now: float, before: float) -> tuple[flo
 
 @per_lane
 def disturbed_reading(block: Block, i: int, now: float, least: float, delay: float) -> tuple[float, int]:
-    """Find what `latest_reading` finds for a sensor with jitter, dropouts or its own clock.
+    """Find what `latest_reading` finds for a sensor with jitter, lost readings or its own clock.
 
     Args: as there, and
         least: time at which a reading must have been taken at the earliest [s].
@@ -152,6 +152,9 @@ def disturbed_reading(block: Block, i: int, now: float, least: float, delay: flo
     """
     settings, arena, clock, keys = block.settings, block.arena, block.clock, block.keys
     hold, jitter, dropout = arena[row.HOLD, i], arena[row.JITTER, i], arena[row.DROPOUT, i]
+    h = settings[setting.STEP]
+    begun = clock[clock_row.BEGAN, i] * h + arena[row.OUTAGE, i]
+    ended = begun + arena[row.OUTAGE + 1, i]  # of readings that are taken in between
     if hold == 0.0:
         place = noise_place(block, i)
         if dropout > 0.0 and uniform(keys[i], place) < dropout:
@@ -159,7 +162,8 @@ def disturbed_reading(block: Block, i: int, now: float, least: float, delay: flo
         late = delay
         if jitter > 0.0:
             late += jitter * uniform(keys[i], place + 1)
-        return (late if now - late >= least else -1.0), place
+        taken = now - late
+        return (late if taken >= least and not begun <= taken + 1e-9 * h < ended else -1.0), place
     first = floor(clock[clock_row.BEGAN, i] * settings[setting.STEP] / hold) - 2 - floor(delay / hold)
     newest = floor((now - delay) / hold + 1e-9)
     place = 0
@@ -170,7 +174,7 @@ def disturbed_reading(block: Block, i: int, now: float, least: float, delay: flo
             return -1.0, place
         place = FIRST_NOISE + 2 * CHANNELS_OF_NOISE * int(tick - first)
         arrived = delay + jitter * uniform(keys[i], place + 1) <= late + 1e-9 * hold
-        if arrived and uniform(keys[i], place) >= dropout:
+        if arrived and not begun <= tick * hold + 1e-9 * h < ended and uniform(keys[i], place) >= dropout:
             return late, place
     return -1.0, place
 

@@ -30,6 +30,8 @@ class Shape(NamedTuple):
         sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
         dry: joints have dry friction.
         motors: torques pass through motors that are not ideal (`motors`).
+        pulses: forces act at the tip.
+        drifting: strain gauges drift.
         payloads: how many changes of the payload a lap has (`episode.payload`).
     """
 
@@ -40,13 +42,14 @@ class Shape(NamedTuple):
     dry: bool = False
     motors: bool = False
     payloads: int = 0
+    pulses: bool = False
+    drifting: bool = False
 
     @property
     def groups(self) -> frozenset[str]:
         """Of the parts that tables have (`layout`)."""
         groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
-        own = {"motors": self.motors, "payloads": self.payloads}
-        return groups | {name for name, has in own.items() if has}
+        return groups | {name for name in ("motors", "payloads", "pulses", "drifting") if getattr(self, name)}
 
     @property
     def size(self) -> int:

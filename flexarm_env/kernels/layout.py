@@ -9,6 +9,8 @@ which rows its arenas have:
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
 - "payloads": the payload changes within the lap (`payload`),
 - "motors": its torques pass through motors that are not ideal (`motors`),
+- "pulses": forces act at the tip (`disturbances`),
+- "drifting": strain gauges drift (`disturbances`),
 - "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
 - "adjoint": a gradient is carried back (`step_gradients`),
@@ -77,6 +79,8 @@ _HOSTED = ("hosted",)
 _FURTHER = tuple(FURTHER_SENSORS)
 _MOTORS = ("motors",)
 _PAYLOADS = ("payloads",)
+_PULSES = ("pulses",)
+_DRIFTING = ("drifting",)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
@@ -172,6 +176,11 @@ class Row(Names):
     TORQUE_LEVELS = Entry("largest multiple", "1", 2, _MOTORS)
     ACTED = Entry("mean torque of the latest step", "N m", 2, _MOTORS)
 
+    PULSE_FORCE = Entry("of pulses at the tip", "N", 2, _PULSES)
+    PULSE_TIMES = Entry("when the first begins, how long each lasts, from one to the next", "s", 3, _PULSES)
+    TIP_FORCE = Entry("at the tip, mean of the step", "N", 2, _PULSES)
+    GAUGE_DRIFT = Entry("of each link's first modal coordinate, as gauges read it", "1/s", 2, _DRIFTING)
+    GAUGES = Entry("modal coordinates and rates, as gauges read them", "1, 1/s", lambda s: 4 * s.modes, _DRIFTING)
     MISSED = Entry("whether the tip was not near the reference when the payload changed", "1", 1, _PAYLOADS)
 
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
@@ -192,6 +201,7 @@ class Row(Names):
     JITTER = Entry("largest further delay of a reading", "s", 1, _ENVIRONMENT)
     HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s", 1, _ENVIRONMENT)
     DROPOUT = Entry("share of the readings that are lost", "1", 1, _ENVIRONMENT)
+    OUTAGE = Entry("when it begins, and how long no reading is taken", "s", 2, _ENVIRONMENT)
     ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2, _ENVIRONMENT)
     ENCODERS = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
     JOINTS = Entry("those of another engine's arm itself", "rad, rad/s", 4, _HOSTED)

@@ -99,7 +99,7 @@ def step_record(variant: Variant) -> Recorder:
         if variant.motors:
             acting = _motor_torque(r, k, round(2 * node), acting, v)
             acted = plus_scaled(acted, weight / 6.0, acting)
-        rates = [*v, *driven(k, slopes[len(y) :], acting)]
+        rates = [*v, *driven(k, _pushed(r, k, stage_y, slopes[len(y) :]), acting)]
         each = rates if weight == 1.0 else [a + a for a in rates]
         total = [a + b for a, b in zip(total, each, strict=True)] if total else each
         if next_node is not None:
@@ -111,6 +111,15 @@ def step_record(variant: Variant) -> Recorder:
         r.write("ACTED", acted)
         r.write("MOTOR", _lagged(r, 3, r.read("TAU")))
     return r
+
+
+def _pushed(r: Recorder, k: Constants, y: Sequence[Any], force: Sequence[Any]) -> Sequence[Any]:
+    """Add the force at the tip, if there is one, to generalised forces."""
+    if not r.variant.pulses:
+        return force
+    axes = (*sincos(y[0]), *sincos(y[len(y) // 2]))
+    own = dyn.point_force(k, r.place("TIP"), y, r.read("TIP_FORCE"), axes)
+    return [a + b for a, b in zip(force, own, strict=True)]
 
 
 def driven(k: Constants, force: Sequence[Any], tau: Sequence[Any]) -> list[Any]:
@@ -243,6 +252,10 @@ def further_reading_record(variant: Variant) -> Recorder:
             limits = r.read("STALL_TORQUE"), r.read("PER_SPEED")
             torque = motors.available(r.read("MOTOR"), dyn.joint_angles(k, v), *limits)
         acceleration = dyn.acceleration(k, r.elimination(), variant.complete, y, v, torque, angles)
+        if variant.pulses:
+            inertia = dyn.inertia(k, r.elimination(), y, cos, sin)
+            own = dyn.solve(k, r.elimination(), inertia, _pushed(r, k, y, [0.0] * len(y)))
+            acceleration = [a + b for a, b in zip(acceleration, own, strict=True)]
     motion = sensing.Motion(y, v, acceleration)
     each = [quantity.formula(k, r.mount(n), motion) for n, quantity in enumerate(quantities)]
     r.store("readings", [number for reading in each for number in reading])

@@ -38,7 +38,9 @@ class Variant:
         sensors: see `Shape` (environments only).
         dry: see `Shape`.
         motors: see `Shape` (environments only).
-        payloads: see `Shape` (environments only).
+        payloads: see `Shape` (environments only), as are:
+        pulses: see `Shape`.
+        drifting: see `Shape`.
     """
 
     program: Program
@@ -55,6 +57,8 @@ class Variant:
     dry: bool = False
     motors: bool = False
     payloads: int = 0
+    pulses: bool = False
+    drifting: bool = False
 
     @property
     def kind(self) -> str:
@@ -64,7 +68,8 @@ class Variant:
     @property
     def shape(self) -> Shape:
         """What the layouts depend on."""
-        return Shape(self.program, self.modes, self.foreshortened, self.sensors, self.dry, self.motors, self.payloads)
+        own = (self.sensors, self.dry, self.motors, self.payloads, self.pulses, self.drifting)
+        return Shape(self.program, self.modes, self.foreshortened, *own)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
@@ -165,6 +170,7 @@ class Variant:
             parts.append("motors")
         if self.payloads:
             parts.append(f"{self.payloads} changes of the payload")
+        parts += ["pulses of force"] * self.pulses + ["gauges that drift"] * self.drifting
         parts += [f"a sensor of {quantity} on link {link}" for quantity, link in self.sensors]
         return ", ".join(parts)
 

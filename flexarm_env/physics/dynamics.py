@@ -24,6 +24,7 @@ from typing import Any
 from flexarm_env.codegen.tracing import Symbol, root
 from flexarm_env.physics import bent_link, linear_algebra, modal_elimination
 from flexarm_env.physics.bent_link import (
+    PointShape,
     bent,
     modal_mass,
     root_coupling,
@@ -63,6 +64,27 @@ def generalised_torque(k: Constants, tau: Vector) -> list[Any]:
     """Return B tau: the elbow's torque reacts on link 1's tip slope."""
     m = len(k.elbow_slopes)
     return [tau[0] - tau[1], *(-slope * tau[1] for slope in k.elbow_slopes), tau[1], *([0.0] * m)]
+
+
+def point_force(k: Constants, at: PointShape, y: Vector, force: Vector, axes: tuple[Any, Any, Any, Any]) -> list[Any]:
+    """Return the generalised force of a force at a point of link 2: the point's Jacobian transposed times it.
+
+    Args:
+        k: constants.
+        at: the point.
+        y: internal coordinates.
+        force: in the world's x and y [N].
+        axes: sine and cosine of a1, sine and cosine of a2.
+    """
+    m = len(k.elbow_slopes)
+    found: list[Any] = []
+    for place_of, q, (sin, cos) in ((k.elbow, y[1 : m + 1], axes[:2]), (at, y[m + 2 :], axes[2:])):
+        point = bent(place_of, q)
+        along, across = force[0] * cos + force[1] * sin, force[1] * cos - force[0] * sin  # of the force, by e and n
+        found.append(point.along * across - point.across * along)
+        each = zip(point.values, point.foreshortening_gradient, strict=True)
+        found += [value * across - gradient * along for value, gradient in each]
+    return found
 
 
 def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:

@@ -128,6 +128,7 @@ def index() -> str:
         "Frames and units": [texts.FRAMES],
         "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
+        "Disturbances": [texts.DISTURBANCES],
         "Mirror images": [texts.MIRROR],
     }
     ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]

@@ -67,6 +67,15 @@ MOTOR_LANES: dict[str, list[Any]] = {
     "actuation_delay": [0.0, 0.013, 0.0] * 3,
     "arm": [{"coulomb_friction": (2.0, x), "friction_smoothing": 1.0} for x in (0.1, 0.2, 0.0)] * 3,
 }
+DISTURBED_LANES: dict[str, list[Any]] = {
+    "pulse_force": [(20.0, 0.0), (0.0, -30.0), (5.0, 5.0)] * 3,
+    "pulse_time": [0.0, 0.013, 0.02] * 3,
+    "pulse_duration": [0.01, 0.2, 0.005] * 3,
+    "pulse_period": [0.02, 0.0, 0.0] * 3,
+    "outage_time": [0.0, 0.02, 0.0] * 3,
+    "outage_duration": [0.0, 0.03, 0.02] * 3,
+    "gauge_drift": [(0.1, 0.0), (0.0, -0.2), (1.0, 1.0)] * 3,
+}
 GAIN_LANES: dict[str, list[Any]] = {
     "gain_limit": [1.0, 5.0, 0.3] * 3,
     "proportional_gain": [150.79, 100.0, 200.0] * 3,
@@ -108,12 +117,20 @@ def test_each_environment_has_its_motors_and_friction(kernels: str) -> None:
 
 
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_each_environment_has_its_disturbances(kernels: str) -> None:
+    compare_with_singles(SQUARE, DISTURBED_LANES, 5 if kernels == "plain" else 60)
+    for mixed in ({"pulse_force": [(0.0, 0.0), (1.0, 0.0)]}, {"gauge_drift": [(0.0, 0.0), (1.0, 0.0)]}):
+        with refuses(ValueError, "environment 1", "or none"):
+            vector(SQUARE, 2, per_env=mixed)
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
     compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, feedback_source="sensor")
 
 
 def test_the_tests_have_every_option() -> None:
-    tables = (TORQUE_LANES, SENSOR_LANES, FURTHER_LANES, GAIN_LANES, MOTOR_LANES)
+    tables = (TORQUE_LANES, SENSOR_LANES, FURTHER_LANES, GAIN_LANES, MOTOR_LANES, DISTURBED_LANES)
     assert {name for table in tables for name in table} | {"inner_stiffness", "inner_damping"} == set(OPTIONS)
 
 

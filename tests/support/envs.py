@@ -141,6 +141,13 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
             "action_mode": "torque_rate",
             "torque_rate_limit": (1000.0, 400.0),
             "payload_changes": ((0.001, 1.0), (0.25, None)),
+            "pulse_force": (20.0, -10.0),
+            "pulse_time": 0.013,
+            "pulse_duration": 0.02,
+            "pulse_period": 0.5,
+            "outage_time": 0.05,
+            "outage_duration": 0.02,
+            "gauge_drift": (0.1, -0.2),
         },
         {
             "motor_time_constant": (0.002, 0.003),
