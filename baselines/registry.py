@@ -57,12 +57,14 @@ class Controller:
         text: description in one line.
         source: publication that it follows.
         design: keyword arguments of `for_env`.
+        environment: id of the environment that it is made for.
     """
 
     kind: type[Kind]
     text: str
     source: str
     design: Mapping[str, Any] = field(default_factory=dict)
+    environment: str = "FlexArm/Square-v0"
 
     @property
     def options(self) -> dict[str, Any]:

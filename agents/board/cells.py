@@ -70,7 +70,7 @@ def _environment(entry: Entry, point: Point) -> dict[str, Any]:
     """Return the environment and its episodes as plain values."""
     options = point.environment_options(entry.interface)
     task = TASKS[point.task]
-    code = _code(task.hosted)
+    code = _code(task.hosted, task.measure.__module__)
     episodes = [list(one) for one in point.episodes]
     try:
         settings = Settings.of(options)
@@ -86,8 +86,8 @@ def _environment(entry: Entry, point: Point) -> dict[str, Any]:
 
 
 @lru_cache
-def _code(hosted: bool) -> str:
-    return code_version([*_SIMULATION, *(_CHAIN if hosted else ())], WITHOUT_PART)
+def _code(hosted: bool, measure: str) -> str:
+    return code_version([*_SIMULATION, measure, *(_CHAIN if hosted else ())], WITHOUT_PART)
 
 
 class Store:

@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium
 
-from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, interface_of, nominal_options
+from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, home_of, interface_of, nominal_options
 from flexarm_agents.code_version import code_version, file_hash
 from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of, spec_of
 from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
@@ -35,7 +35,7 @@ class Entry:
     # "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`
     source: str
     name: str = ""  # shown in tables; "": the source, of a file or folder its name
-    # Id of the environment that observation and action are those of, for module:attribute and models
+    # Id of the environment that observation and action are those of; an agent of this package knows its own
     environment: str = SQUARE
     # Options of that environment which an entry may choose (`environments.INTERFACE`)
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -62,9 +62,14 @@ class Entry:
         """The entry's own options of its environments."""
         return _recipe(self).interface
 
-    def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
-        """Return the policy with its nominal environment on a task; refuse a task that it cannot do."""
-        return (_candidate.__wrapped__ if fresh else _candidate)(self, task)
+    @property
+    def home(self) -> str:
+        """Name of the task that it is made for (`terms.TASKS`)."""
+        return home_of(_recipe(self).environment)
+
+    def candidate(self, task: str = "", fresh: bool = False) -> Candidate:
+        """Return the policy with its nominal environment on a task, "" its home; refuse a task that it cannot do."""
+        return (_candidate.__wrapped__ if fresh else _candidate)(self, task or self.home)
 
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
         """Return the policy with any environment that fits it, both made anew."""
@@ -98,6 +103,7 @@ class Recipe:
     files: tuple[Path, ...] = ()  # its data
     modules: tuple[str, ...] = ()  # names of modules beside that of its class
     config: dict[str, Any] | None = None  # configuration of its training; None for others
+    environment: str = SQUARE  # id of the environment that it is made for
 
 
 @lru_cache(maxsize=64)
@@ -106,6 +112,8 @@ def _candidate(entry: Entry, task: str) -> Candidate:
     options = nominal_options(recipe.interface, task)
     environment = SQUARE if TASKS[task].hosted else TASKS[task].environment
     env = make_one(environment, options)
+    if task != entry.home and (size := entry.candidate().env.action_space.shape) != env.action_space.shape:
+        raise ValueError(f"entry {entry.name}: its actions have the shape {size}, not {env.action_space.shape}")
     return Candidate(entry.name, recipe.make(env), env, environment, options)
 
 
@@ -121,20 +129,25 @@ def _recipe(entry: Entry) -> Recipe:
     if entry.source in CONTROLLERS:
         listed = CONTROLLERS[entry.source]
         own = interface_of({**listed.options, **entry.options})
-        return Recipe(own, listed.make, {"controller": entry.source, "design": repr(dict(listed.design))})
+        return Recipe(
+            own,
+            listed.make,
+            {"controller": entry.source, "design": repr(dict(listed.design))},
+            environment=entry.environment,
+        )
     declared = spec_of(entry.environment).kwargs
     if entry.algorithm is not None:
         own = interface_of({**declared, **entry.options})
         files = [entry.source] + [entry.vec_normalize] * (entry.vec_normalize not in ("", WITHOUT))
         load = partial(loaded_model, entry.source, entry.algorithm, vec_normalize=entry.vec_normalize)
-        return Recipe(own, load, {"algorithm": entry.algorithm}, tuple(map(Path, files)))
+        return Recipe(own, load, {"algorithm": entry.algorithm}, tuple(map(Path, files)), environment=entry.environment)
     if ":" in entry.source and not Path(entry.source).exists():
         found = imported(entry.source)
         wanted = found.options() if hasattr(found, "options") else {}
         counted = {"last_actions": 1} if "observation" in wanted else {}  # else the id's own, which may have no effect
         own = interface_of({**declared, **counted, **wanted, **entry.options})
         make, label = partial(made_for, found=found, source=entry.source), {"attribute": entry.source}
-        return Recipe(own, make, label, modules=(entry.source.partition(":")[0],))
+        return Recipe(own, make, label, modules=(entry.source.partition(":")[0],), environment=entry.environment)
     trained = load_policy(entry.source)
     settings = settings_of(trained.environment, trained.options)
     own = {name: getattr(settings, name) for name in INTERFACE} | interface_of(entry.options)
@@ -143,7 +156,9 @@ def _recipe(entry: Entry) -> Recipe:
         check_fits(entry.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
         return trained.policy
 
-    return Recipe(own, check, files=(policy_file(entry.source),), config=trained.notes["config"])
+    return Recipe(
+        own, check, files=(policy_file(entry.source),), config=trained.notes["config"], environment=trained.environment
+    )
 
 
 # By default the law acts on the joints, which are not late; here it acts on the late sensor, as in the paper.
@@ -156,7 +171,7 @@ LATE = (
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
     """Return all entries, each with a name of its own."""
-    entries = [Entry(name) for name in controller_names()] + list(LATE)
+    entries = [Entry(name, environment=CONTROLLERS[name].environment) for name in controller_names()] + list(LATE)
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     entries += [_added(source) for source in added]
     names = [entry.name for entry in entries]

@@ -6,7 +6,7 @@ other, and a policy is called with the episodes of one point at a time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -17,15 +17,14 @@ from scipy.linalg import block_diag
 
 from flexarm_agents.board.columns import Episode, Point
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.terms import TASKS
+from flexarm_agents.board.terms import TASKS, BoardTask
 from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_env.envs.base import FlexArmEnvBase
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.termination import end_reason
+from flexarm_env.envs.termination import NOT_TERMINATED, end_reason
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
-from flexarm_env.metrics.lap import figures_of
 from flexarm_env.physics.link_modes import LinkModes
 from flexarm_env.predictor import Predictor, predictor
 
@@ -108,8 +107,8 @@ def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -
         counts = [len(point.episodes) for point in points]
         ends = np.cumsum(counts).tolist()
         calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
-        env = _batch([one for one, count in zip(each, counts, strict=True) for _ in range(count)])
-        made = _run(env, env, nominal, [episode for point in points for episode in point.episodes], calls)
+        env = _batch(task, [one for one, count in zip(each, counts, strict=True) for _ in range(count)])
+        made = _run(task, env, env, nominal, [episode for point in points for episode in point.episodes], calls)
         results = [{"episodes": made[call.lanes]} for call in calls]
         # an error in a call ends all its episodes: they are run again, each alone, to see whose it is
         again = [n for n, one in enumerate(results) if any(e["ended"] == RAISED for e in one["episodes"])]
@@ -127,9 +126,9 @@ def _one_by_one(entry: Entry, points: Sequence[Point], each: Sequence[Settings])
         calls = [_Call(slice(0, 1), predictor(candidate.policy, deterministic=True), not entry.batched)]
         made = []
         for episode in point.episodes:
-            env: Any = _hosted(entry, point) if task.hosted else _batch([one])
+            env: Any = _hosted(entry, point) if task.hosted else _batch(task, [one])
             view = env.envs[0].unwrapped if task.hosted else env
-            made += _run(env, view, nominal, [episode], calls)
+            made += _run(task, env, view, nominal, [episode], calls)
             env.close()
         results.append({"episodes": made})
     return results
@@ -141,12 +140,12 @@ def _hosted(entry: Entry, point: Point) -> Any:
     return gymnasium.make_vec(TASKS[point.task].environment, 1, vectorization_mode="sync", **options)
 
 
-def _batch(each: Sequence[Settings]) -> FlexArmVectorEnv:
+def _batch(task: BoardTask, each: Sequence[Settings]) -> FlexArmVectorEnv:
     """Make a batch in which every environment has its own settings."""
     values = {one.name: [getattr(settings, one.name) for settings in each] for one in fields(Settings)}
     same = {name: found[0] for name, found in values.items() if all(x == found[0] for x in found)}
     own = {name: found for name, found in values.items() if name not in same}
-    steps = round(each[0].lap_time / each[0].control_period)
+    steps = task.steps or round(each[0].lap_time / each[0].control_period)
     return FlexArmVectorEnv(len(each), steps, per_env=own, **same)
 
 
@@ -161,7 +160,12 @@ def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
 
 
 def _run(
-    env: Any, view: FlexArmEnvBase, nominal: FlexArmEnvBase, episodes: Sequence[Episode], calls: Sequence[_Call]
+    task: BoardTask,
+    env: Any,
+    view: FlexArmEnvBase,
+    nominal: FlexArmEnvBase,
+    episodes: Sequence[Episode],
+    calls: Sequence[_Call],
 ) -> list[dict[str, Any]]:
     """Run one episode in each environment of a batch, and return plain values of each.
 
@@ -170,16 +174,18 @@ def _run(
     """
     matrix = observation_map(view, nominal)
     observation, infos = env.reset(seed=[one.seed for one in episodes], options=_reset_options(episodes))
-    steps, count = view.lap_steps, len(episodes)
-    record = {name: np.zeros((steps + 1, *np.shape(infos[name]))) for name in _RECORDED}
+    steps, count = task.steps or view.lap_steps, len(episodes)
+    names = (*_RECORDED[:-1], *task.recorded)
+    record = {name: np.zeros((steps + 1, *np.shape(infos[name]))) for name in (*names, _RECORDED[-1])}
     drawn = _drawn(view, count)
     lengths, ended = np.full(count, steps + 1), [COMPLETE] * count
     memories: list[Any] = [None] * len(calls)
     alive, start, over = np.ones(count, bool), np.ones(count, bool), np.zeros(count, bool)
     gave_up = np.zeros(count, bool)
+    success: list[bool | None] = [None] * count
     action = np.zeros(env.action_space.shape or (), dtype=np.float32)
     for k in range(steps):
-        for name in _RECORDED[:-1]:
+        for name in names:
             record[name][k] = infos[name]
         for n, call in enumerate(calls):
             if alive[call.lanes].any():
@@ -193,28 +199,36 @@ def _run(
         action[lost] = 0.0
         observation, _, terminated, truncated, infos = env.step(action)
         record["torque"][k] = infos["torque"]
-        for i in np.flatnonzero((terminated | lost | gave_up) & alive).tolist():
-            own = RAISED if gave_up[i] else NO_ACTION
-            lengths[i], ended[i] = k + 1, own if lost[i] or gave_up[i] else end_reason(infos["end_code"][i])
-        alive &= ~(terminated | lost | gave_up)
+        for i in np.flatnonzero((terminated | truncated | lost | gave_up) & alive).tolist():
+            own = RAISED if gave_up[i] else NO_ACTION if lost[i] else end_reason(infos["end_code"][i])
+            ended[i] = COMPLETE if own == NOT_TERMINATED else own
+            lengths[i] = k + 1 + (ended[i] in task.complete)  # with its last instant
+            success[i] = bool(infos["is_success"][i]) if "is_success" in infos else None
+        alive &= ~(terminated | truncated | lost | gave_up)
         start, over = over, terminated | truncated
         if not alive.any():
             break
-    for name in _RECORDED[:-1]:
-        record[name][steps] = infos[name]
-    record["torque"][steps] = record["torque"][steps - 1]
-    success, found = infos.get("is_success"), []
+    for name in names:
+        record[name][k + 1] = infos[name]
+    found = []
     for i, episode in enumerate(episodes):
         known = {name: values[: lengths[i], i] for name, values in record.items()}
         one: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i]}
         one["duration"] = float(known["time"][-1])
-        one["figures"] = _figures(view, known) if ended[i] == COMPLETE else None
-        if success is not None:
-            one["success"] = bool(success[i]) and ended[i] == COMPLETE
+        one["figures"] = _figures(task, view, known) if ended[i] in task.complete else None
+        if success[i] is not None:
+            one["success"] = success[i] and ended[i] in task.complete
         if drawn is not None:
             one["drawn"] = drawn[i]
         found.append(one)
     return found
+
+
+def _figures(task: BoardTask, view: FlexArmEnvBase, known: dict[str, Array]) -> dict[str, Any]:
+    """Return the figures of a complete episode's record; what is not finite is None, which counts as lost."""
+    known["torque"][-1] = known["torque"][-2]  # the last instant has none
+    found = dict(task.measure(view, known))
+    return found | {name: None for name in task.figures if found[name] is None or not np.isfinite(found[name])}
 
 
 def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
@@ -223,15 +237,6 @@ def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
         return None
     parameters = view.episode.parameters  # type: ignore[attr-defined]
     return [{name: float(values[i]) for name, values in parameters.items()} for i in range(count)]
-
-
-def _figures(view: FlexArmEnvBase, known: Mapping[str, Array]) -> dict[str, Any]:
-    """Return the figures of a complete episode's record."""
-    limit = view.settings.motor_limit
-    time, state, torque, tip, reference = (known[name] for name in ("time", "state", "torque", "true_tip", "reference"))
-    return figures_of(
-        view.arm, time, state, torque, tip, reference, limit if np.isfinite(limit).all() else None
-    ).plain()
 
 
 def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:

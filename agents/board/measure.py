@@ -15,9 +15,9 @@ from tqdm import tqdm
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.entries import Entry, all_entries
-from flexarm_agents.board.summary import entry_summary, references
+from flexarm_agents.board.summary import entry_summary
 from flexarm_agents.board.tables import tables
-from flexarm_agents.board.terms import BOARD
+from flexarm_agents.board.terms import BOARD, TASKS
 from flexarm_agents.files import write_json, write_text
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
@@ -92,12 +92,17 @@ def board(entries: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -
     return {
         "board": BOARD,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
-        "references": references(),
+        "references": TASKS["square"].best(),
+        "tasks": {
+            name: {"figures": {key: one._asdict() for key, one in task.figures.items()}, "best": task.best()}
+            for name, task in TASKS.items()
+        },
         "columns": {
             name: {
                 "title": column.title,
                 "unit": column.unit,
                 "values": [point.value for point in column.points],
+                "tasks": [point.task for point in column.points],
                 "nominal": column.nominal,
             }
             for name, column in columns.items()

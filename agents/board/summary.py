@@ -2,52 +2,80 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from flexarm_agents.board.columns import Column
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.figures import ERRORS, Figure
 from flexarm_agents.board.terms import SQUARE, TASKS
 from flexarm_agents.environments import settings_of
-from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics import optimality_gap
 
-YARDSTICK = "ifdc"  # of gaps
-FIGURES = ("rms", "rms_after_2s", "maximum")
 LIMIT = float(settings_of(SQUARE, {}).error_limit or np.inf)  # error at which a lap is lost, and as which it counts [m]
+QUANTILES = {"median": 0.5, "p90": 0.9}
+CONFIDENCE = 0.95
 Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of each point
 
 
-def lap_summary(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def lap_summary(episodes: Sequence[Mapping[str, Any]], figures: Mapping[str, Figure] = ERRORS) -> dict[str, Any]:
     """Add up episodes of one kind.
 
     Returns:
-        Their number, how many were lost and when the first of these was [s]; mean, least and largest of each figure of
-        those that were complete, None where there is none; and the share of successes, where the task has a goal.
+        Their number, how many were lost and when the first of these was [s]; of each figure "median" and "p90", the
+        90th percentile, of all episodes, None where it is infinite since a lost one counts so (`quantile`), and "mean",
+        "least" and "most" of those that have it, None where none has; and the share of successes, where the task has a
+        goal.
     """
-    complete = [one["figures"] for one in episodes if one["figures"] is not None]
     lost = [one["duration"] for one in episodes if one["figures"] is None]
     found: dict[str, Any] = {"episodes": len(episodes), "lost": len(lost), "first_loss": min(lost, default=None)}
-    for name in FIGURES:
-        values = [figures[name] for figures in complete if figures[name] is not None]
-        found[name] = {"mean": float(np.mean(values)), "least": min(values), "most": max(values)} if values else None
+    for name in figures:
+        each = [None if one["figures"] is None else one["figures"][name] for one in episodes]
+        values = [value for value in each if value is not None]
+        known = {"mean": float(np.mean(values)), "least": min(values), "most": max(values)} if values else None
+        found[name] = known and known | {what: quantile(each, share) for what, share in QUANTILES.items()}
     if "success" in episodes[0]:
         found["success"] = sum(one["success"] for one in episodes) / len(episodes)
     return found
 
 
-def point_summary(result: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def quantile(values: Sequence[float | None], share: float) -> float | None:
+    """Return the least of some values below or at which a share of them lies; None stands for infinity.
+
+    It is one of the values (numpy's "inverted_cdf"): nothing is interpolated between a number and infinity.
+    """
+    found = np.quantile([np.inf if one is None else one for one in values], share, method="inverted_cdf")
+    return float(found) if np.isfinite(found) else None
+
+
+def loss_interval(lost: int, episodes: int) -> tuple[float, float]:
+    """Return the interval of a loss rate with `CONFIDENCE` (Clopper & Pearson, Biometrika 26, 1934)."""
+    found = binomtest(lost, episodes).proportion_ci(CONFIDENCE, method="exact")
+    return float(found.low), float(found.high)
+
+
+def point_summary(result: Mapping[str, Any] | None, task: str = "square") -> dict[str, Any] | None:
     """Add up the episodes of a cell, by their laps; "all" where the task has none."""
     if result is None or "not_applicable" in result:
         return None if result is None else dict(result)
     laps: dict[str, list[Mapping[str, Any]]] = {}
     for one in result["episodes"]:
         laps.setdefault(one["lap"] or "all", []).append(one)
-    return {lap: lap_summary(episodes) for lap, episodes in laps.items()}
+    return {lap: lap_summary(episodes, TASKS[task].figures) for lap, episodes in laps.items()}
+
+
+def sample_summary(results: Sequence[Mapping[str, Any] | None], task: str) -> dict[str, Any]:
+    """Add up a column that is one sample: its laps, and "whole", all its episodes."""
+    both = merged(results)
+    found: dict[str, Any] = {"points": [point_summary(both, task)]}
+    if both is not None and "not_applicable" not in both:
+        whole = lap_summary(both["episodes"], TASKS[task].figures)
+        found["whole"] = whole | {"loss_interval": list(loss_interval(whole["lost"], whole["episodes"]))}
+    return found
 
 
 def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
@@ -84,12 +112,12 @@ def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict
     found: dict[str, dict[str, Any]] = {}
     for lap in LAPS:
         laps = [None if one is None else one.get(lap) for one in points]
-        usual = _mean(laps[own])
+        usual = _mean(laps[own], column)
         lost = [n for n, one in enumerate(laps) if one is not None and one["lost"]]
         doubled = [
             n
             for n, one in enumerate(laps)
-            if usual is not None and (mean := _mean(one)) is not None and mean > 2.0 * usual
+            if usual is not None and (mean := _mean(one, column)) is not None and mean > 2.0 * usual
         ]
         complete = None
         if own in lost:
@@ -119,9 +147,10 @@ def within(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) 
     return [value for value in values if low < value < high]
 
 
-def _mean(lap: Mapping[str, Any] | None) -> float | None:
-    """Return the mean error over the complete laps [m]; None where there is none."""
-    return None if lap is None or lap["rms"] is None else float(lap["rms"]["mean"])
+def _mean(lap: Mapping[str, Any] | None, column: Column) -> float | None:
+    """Return the mean headline figure of the complete laps; None where there is none."""
+    name = TASKS[column.points[0].task].headline
+    return None if lap is None or lap[name] is None else float(lap[name]["mean"])
 
 
 def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
@@ -147,10 +176,9 @@ def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results)
     for name, column in columns.items():
         each = results[name]
         if column.sample:
-            whole = point_summary(merged(each))
-            found["columns"][name] = {"points": [whole]}
+            found["columns"][name] = sample_summary(each, column.points[0].task)
             continue
-        points = [point_summary(one) for one in each]
+        points = [point_summary(one, point.task) for one, point in zip(each, column.points, strict=True)]
         found["columns"][name] = {"points": points}
         if all(isinstance(point.value, float) for point in column.points):
             found["columns"][name]["breaking"] = breaking(column, points)
@@ -163,23 +191,14 @@ def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | Non
     errors: dict[str, dict[str, float] | None] = {}
     for lap in LAPS:
         one = square[lap] if square else None
-        errors[lap] = None if one is None or one["lost"] else {name: one[name]["mean"] for name in FIGURES}
+        errors[lap] = None if one is None or one["lost"] else {name: one[name]["mean"] for name in ERRORS}
     return errors
-
-
-def references() -> dict[str, dict[str, float]]:
-    """Return the errors of the best plan known for each lap of the default arm [m], which plays an oracle's part."""
-    found = {}
-    for lap in LAPS:
-        score = json.loads((PLANS / f"default_{lap}.json").read_text())["score"]
-        found[lap] = {"rms": score["true_tip_rms"], "rms_after_2s": score["true_tip_rms_after_2s"]}
-    return found
 
 
 def gap(results: Mapping[str, Any], lap: str, rms: float) -> float | None:
     """Return where an error lies between the best plan's, 0, and the yardstick's, 1; None without the yardstick."""
     for entry in results["rows"]:
-        if entry["name"] == YARDSTICK:
+        if entry["name"] == "ifdc":
             errors = nominal_errors(entry)[lap]
             if errors is not None:
                 return optimality_gap(rms, results["references"][lap]["rms"], errors["rms"])

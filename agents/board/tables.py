@@ -87,7 +87,14 @@ def nominal(board: Board) -> str:
         "entry",
         *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [mm]" for value in values),
     ]
-    rows = [[title(entry), *map(_point, entry["columns"]["nominal"]["points"])] for entry in ranked(board)]
+    tasks = board["columns"]["nominal"]["tasks"]
+    rows = [
+        [
+            title(entry),
+            *(point_text(*one, board) for one in zip(entry["columns"]["nominal"]["points"], tasks, strict=True)),
+        ]
+        for entry in ranked(board)
+    ]
     return table(head, rows)
 
 
@@ -97,8 +104,11 @@ def axis(name: str, board: Board) -> str:
     chosen = _some(len(column["values"]), COLUMNS[name].nominal_index)
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
     head = [f"{column['title']}", *(f"{_number(column['values'][n])}{unit}" for n in chosen)]
-    rows = [[title(entry), *(_point(entry["columns"][name]["points"][n]) for n in chosen)] for entry in ranked(board)]
-    return table(head, rows)
+    rows = [
+        [title(entry), *(point_text(entry["columns"][name]["points"][n], column["tasks"][n], board) for n in chosen)]
+        for entry in ranked(board)
+    ]
+    return table(head, [row for row in rows if set(row[1:]) != {ABSENT}])
 
 
 def robustness(board: Board) -> str:
@@ -166,22 +176,28 @@ def _errors(errors: Mapping[str, float] | None) -> str:
     return "lost" if errors is None else f"{millimetres(errors['rms'])} / {millimetres(errors['rms_after_2s'])}"
 
 
-def _point(point: Mapping[str, Any] | None) -> str:
-    """Write the errors of a point's laps, with their range, or how many were lost and when the first one was."""
+def point_text(point: Mapping[str, Any] | None, task: str, board: Board) -> str:
+    """Write the headline figure of a point's laps, with its range, or how many were lost and when the first one was."""
     if point is None:
         return "-"
     if "not_applicable" in point:
         return ABSENT
-    return " / ".join(_lap(one) for one in point.values())
+    name, figure = next(iter(board["tasks"][task]["figures"].items()))
+    return " / ".join(_lap(one, name, figure["unit"]) for one in point.values())
 
 
-def _lap(one: Mapping[str, Any]) -> str:
-    if one["lost"]:
+def _lap(one: Mapping[str, Any], name: str, unit: str) -> str:
+    if one["lost"] or one[name] is None:
         part = "" if one["episodes"] == 1 else f" {one['lost']} of {one['episodes']}"
-        return f"lost{part} at {one['first_loss']:.1f} s"
+        return f"lost{part} at {one['first_loss']:.1f} s" if one["lost"] else "-"
     goal = f", {100.0 * one['success']:.0f} %" if "success" in one else ""
-    mean, least, most = (millimetres(one["rms"][name]) for name in ("mean", "least", "most"))
+    mean, least, most = (amount(one[name][what], unit) for what in ("mean", "least", "most"))
     return f"{mean}{goal}" if least == most else f"{mean} ({least} to {most}){goal}"
+
+
+def amount(value: float, unit: str) -> str:
+    """Write a figure: an error in mm (`millimetres`), others with three digits."""
+    return millimetres(value) if unit == "m" else f"{value:.3g}"
 
 
 def _some(count: int, kept: int) -> list[int]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
 from flexarm_agents.environments import INTERFACE
+from flexarm_agents.evaluation.scoring import COMPLETE
+from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
@@ -18,6 +22,9 @@ SQUARE = "FlexArm/Square-v0"
 _BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_limit", "error_limit")}
 
 
+Best = Mapping[str, Mapping[str, float]]  # of each lap, of each figure
+
+
 class BoardTask(NamedTuple):
     """A task that entries are measured on."""
 
@@ -26,10 +33,32 @@ class BoardTask(NamedTuple):
     # Names of the laps that its episodes are (`flexarm_env.laps.LAPS`); (None,): the environment begins them
     laps: tuple[str | None, ...] = tuple(LAPS)
     hosted: bool = False  # whether another engine has the arm; controllers are then made for the nominal arm
+    figures: Mapping[str, Figure] = ERRORS  # what a complete episode is measured by, the headline first
+    # Returns at least these, as plain values, of an environment and a complete episode's record. Its module's source is
+    # part of the cells' keys
+    measure: Callable[[Any, Record], Mapping[str, Any]] = of_lap
+    recorded: tuple[str, ...] = ()  # infos that the record has beside those of `figures.of_lap`
+    complete: tuple[str, ...] = (COMPLETE,)  # how an episode ends that is not lost
+    steps: int | None = None  # most control periods of an episode; None: those of a lap
+    best: Callable[[], Best] = dict  # returns the best values known for its laps ("all" without laps)
+
+    @property
+    def headline(self) -> str:
+        """Name of the figure that tables show."""
+        return next(iter(self.figures))
+
+
+def best_plans(name: str = "default") -> Best:
+    """Return the errors of the best plan known for each lap of a square [m]; its plans begin with the name."""
+    found = {}
+    for lap in LAPS:
+        score = json.loads((PLANS / f"{name}_{lap}.json").read_text())["score"]
+        found[lap] = {"rms": score["true_tip_rms"], "rms_after_2s": score["true_tip_rms_after_2s"]}
+    return found
 
 
 TASKS: dict[str, BoardTask] = {
-    "square": BoardTask(),
+    "square": BoardTask(best=best_plans),
     "track": BoardTask(options=IDS["Track-v0"].options),
     "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
     "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
@@ -52,6 +81,12 @@ def entry_options(interface: Mapping[str, Any]) -> dict[str, Any]:
     gain = IDS["SquareGain-v0"].options
     own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
     return {**{name: gain[name] for name in own}, **interface}
+
+
+def home_of(environment: str) -> str:
+    """Return the task of the board that entries made for an environment are at home on: one of their own, or square."""
+    own = (name for name, task in TASKS.items() if task.environment == environment and not task.hosted)
+    return next(own, "square")
 
 
 def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from flexarm_agents import Spread
-from flexarm_agents.board.summary import references
+from flexarm_agents.board.terms import best_plans
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
@@ -42,7 +42,7 @@ def errors(agents: Agents) -> str:
 def _cells(agent: Agent, steps: int) -> tuple[str, ...]:
     """Write the cells of an agent; the median of its seeds is compared with the plan."""
     assert agent.seconds is not None
-    cells, plans = [agent.seeds, f"{steps:,}", f"{steps * agent.seconds / 1e6:.0f}"], references()
+    cells, plans = [agent.seeds, f"{steps:,}", f"{steps * agent.seconds / 1e6:.0f}"], best_plans()
     for lap in LAPS:
         spread = agent.spread(lap)
         times = "-" if spread.median is None else f"{spread.median / plans[lap]['rms']:.2f}"

@@ -155,7 +155,7 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
     (job,) = jobs_of([Cell.of(Entry(AGENT), Point(0.0))])
-    monkeypatch.setattr(board_cells, "_code", lambda hosted: "another")
+    monkeypatch.setattr(board_cells, "_code", lambda hosted, measure: "another")
     with pytest.raises(ValueError, match="this worker has other code"):
         compute(job)
 
@@ -276,7 +276,7 @@ def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> di
 def test_lost_episodes_are_counted_and_never_averaged() -> None:
     found = lap_summary([episode(0.1), episode(0.3), episode(None, 2.5), episode(None, 1.5)])
     assert (found["episodes"], found["lost"], found["first_loss"]) == (4, 2, 1.5)
-    assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3}
+    assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3, "median": 0.3, "p90": None}
     assert lap_summary([episode(None, 1.0)])["rms"] is None
     assert point_summary(None) is None
     assert point_summary({"not_applicable": "why"}) == {"not_applicable": "why"}
