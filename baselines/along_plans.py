@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Seen, TorqueController
 from flexarm_baselines.joint_space.reference import nearest_turn
 from flexarm_baselines.optimal.library import plans_for
+from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.task import Task
+from flexarm_env.parameters import ElbowBranch
 from flexarm_env.validation import shown
 
 
@@ -42,6 +45,9 @@ class PlanController(TorqueController, ABC):
         reference = task.reference
         if plans is None:
             plans = [plan for _, plan in plans_for(task.arm, reference, task.period, task.torque_limit)]
+            if task.payloads is not None:
+                own = (reference, task.payloads), (task.period, task.torque_limit)
+                plans = [plan_phases(task.arm, *own[0], side, *own[1]) for side in get_args(ElbowBranch)]
             if not plans:
                 raise ValueError(
                     "env: the package has no plan for this arm, reference, control period and torque limit; make one "

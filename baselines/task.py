@@ -29,6 +29,8 @@ class Task:
         sensor_position: distance of the late sensor from the elbow [m].
         delay: delay of the late sensor [s].
         actuation_delay: from an action to its effect [s].
+        payloads: what the tip carries in each control period of the lap [kg], NaN: the arm's or the episode's payload;
+            None: that throughout. Shape (periods,).
         motors: options by which the motors are not ideal.
         blocks: where each block of an observation lies.
         scale: what each number of an observation was divided by. Shape (k,).
@@ -41,6 +43,7 @@ class Task:
     sensor_position: float = 4.5
     delay: float = 0.0
     actuation_delay: float = 0.0
+    payloads: Floats | None = field(default=None, repr=False)
     motors: tuple[str, ...] = ()
     blocks: dict[str, slice] = field(default_factory=dict, repr=False)
     scale: Floats = field(default_factory=lambda: np.ones(0), repr=False)
@@ -89,6 +92,7 @@ class Task:
             sensor_position=settings.sensor_position,
             delay=max(settings.sensor_delays),
             actuation_delay=settings.actuation_delay,
+            payloads=_payloads(settings),
             motors=tuple(name for name, value in IDEAL_MOTORS.items() if getattr(settings, name) != value),
             blocks=env_attribute(env, "observation_blocks"),
             scale=env_attribute(env, "observation_scale"),
@@ -114,3 +118,13 @@ class Task:
         cosine, sine = self.read(observations, "lap_phase").T
         share = np.arctan2(sine, cosine) / (2.0 * np.pi)
         return self.period * np.mod(np.round(share * self.periods), self.periods)
+
+
+def _payloads(settings: Any) -> Floats | None:
+    """Return `Task.payloads` of an environment; the latest change of the lap counts, before the first the last one."""
+    if not settings.payload_changes:
+        return None
+    phases, masses = zip(*settings.payload_changes, strict=True)
+    count = round(settings.lap_time / settings.control_period)
+    latest = np.searchsorted(phases, (np.arange(count) + 1e-6) / count, side="right") - 1
+    return np.array([np.nan if mass is None else mass for mass in masses])[latest]

@@ -32,7 +32,8 @@ FORMAT = 2
 # options, whose values a key holds; and derivatives, which only controllers use.
 WITHOUT_PART = (
     *(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene", "warm_up")),
-    *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "chain_options", "choices", "consistency")),
+    *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "motion_options", "chain_options")),
+    *("flexarm_env.envs.choices", "flexarm_env.envs.consistency"),
     *("flexarm_env.formulas", "flexarm_env.allowed", "flexarm_env.validation"),
     *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.rk4", "flexarm_env.codegen.tangents"),
     *("flexarm_env.simulation.held_torque", "flexarm_env.simulation.feedback", "flexarm_env.simulation.open_loop"),

@@ -16,6 +16,8 @@ from flexarm_env.parameters import ArmParameters
 SEEDS = 3  # episodes of each lap where something is random
 DRAWN = 256  # episodes on unknown arms
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
+CARRIED = 16  # episodes of each lap of the task "carry"
+PULSES = (5.0, 10.0, 20.0, 40.0)  # largest components of a force of 0.1 s [N]
 PART = 16  # of them, in one cell
 
 
@@ -98,6 +100,18 @@ def _models() -> Iterator[Point]:
     yield Point("chain", task="chain")
 
 
+def _disturbances() -> Iterator[Point]:
+    """Yield what happens once in a lap, at a drawn moment after the start, and gauges that drift all the time."""
+    moment, seeds = (2.0, 14.0), range(SEEDS)
+    for newtons in PULSES:
+        drawn = {"pulse_time": moment, "pulse_force": ((-newtons, newtons),) * 2}
+        yield Point(f"pulses to {newtons:g} N", {"randomisation": drawn, "pulse_duration": 0.1}, seeds=seeds)
+    lost = {"randomisation": {"outage_time": moment}, "outage_duration": 0.5}
+    yield Point("outage of 0.5 s", lost, seeds=seeds)
+    drawn = {"gauge_drift": ((-0.05, 0.05),) * 2}  # of a modal coordinate of 0.2 m at the tip
+    yield Point("gauges drift to 1 cm/s", {"randomisation": drawn}, seeds=seeds)
+
+
 def _unknown() -> Iterator[Point]:
     """Yield the parts of the column "unknown": each episode draws all quantities, and is one of the laps in turn."""
     for first in range(0, DRAWN, PART):
@@ -144,5 +158,15 @@ COLUMNS: dict[str, Column] = {
         "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 13), scale=1e-3), 0.0
     ),
     "model": Column("Model", "", tuple(_models()), "3 shapes"),
+    "carry": Column(
+        "Carry",
+        "",
+        (
+            Point("nominal mass", {"randomisation": {}}, task="carry"),
+            Point("0.2 to 1.5 kg", task="carry", seeds=range(CARRIED)),
+        ),
+        "nominal mass",
+    ),
+    "disturbances": Column("Disturbances", "", (Point("none"), *_disturbances()), "none"),
     "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True),
 }

@@ -231,12 +231,12 @@ def _figures(task: BoardTask, view: FlexArmEnvBase, known: dict[str, Array]) -> 
     return found | {name: None for name in task.figures if found[name] is None or not np.isfinite(found[name])}
 
 
-def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
-    """Return what each episode drew, by name; None where nothing is drawn."""
+def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, Any]] | None:
+    """Return what each episode drew, by name, one number or two; None where nothing is drawn."""
     if not view.settings.randomisation:
         return None
     parameters = view.episode.parameters  # type: ignore[attr-defined]
-    return [{name: float(values[i]) for name, values in parameters.items()} for i in range(count)]
+    return [{name: np.asarray(values[i]).tolist() for name, values in parameters.items()} for i in range(count)]
 
 
 def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:

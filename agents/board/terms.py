@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from flexarm_agents.board import carry
 from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
 from flexarm_agents.environments import INTERFACE
 from flexarm_agents.evaluation.scoring import COMPLETE
@@ -57,11 +58,17 @@ def best_plans(name: str = "default") -> Best:
     return found
 
 
+def task_options(name: str) -> dict[str, Any]:
+    """Return the options of an id that are the task's, not an entry's own."""
+    return {option: value for option, value in IDS[name].options.items() if option not in INTERFACE}
+
+
 TASKS: dict[str, BoardTask] = {
     "square": BoardTask(best=best_plans),
     "track": BoardTask(options=IDS["Track-v0"].options),
     "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
     "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
+    "carry": BoardTask("FlexArm/Carry-v0", task_options("Carry-v0"), figures=carry.FIGURES, measure=carry.of_rests),
 }
 
 

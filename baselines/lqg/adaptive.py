@@ -55,6 +55,7 @@ QUANTITIES = {
 LATENESS = Unknown(3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
+CARRIED = (0.2, 0.6, 1.0, 1.5)  # [kg]; where the payload changes on the way
 STIFFNESSES = (0.8, 1.0, 1.25)
 
 
@@ -122,7 +123,7 @@ class AdaptiveLQG(LQG):
         plans: Sequence[Plan] | None = None,
         weights: RegulatorWeights = GOOD,
         noise: NoiseModel = NOISE,
-        payloads: Sequence[float] = PAYLOADS,
+        payloads: Sequence[float] | None = None,
         stiffnesses: Sequence[float] = STIFFNESSES,
         late: float = 3e-3,
     ) -> None:
@@ -133,11 +134,12 @@ class AdaptiveLQG(LQG):
             plans: see `PlanController`.
             weights: of the regulators.
             noise: standard deviations that the filters assume.
-            payloads: payloads of the grid [kg].
+            payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED`.
             stiffnesses: factors on the links' stiffness of the grid.
             late: how late the regulators take the motors to be [s].
         """
         PlanController.__init__(self, task, plans)
+        payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         arm = FlexibleArm(task.arm)
         kalman = KalmanFilter(
             arm,
@@ -160,6 +162,7 @@ class AdaptiveLQG(LQG):
         self._quantities = slice(size, size + len(QUANTITIES))
         self._of_the_arm = size + len(OF_THE_ARM)
         self._least, self._most = np.array([(one.least, one.most) for one in QUANTITIES.values()]).T
+        self._most[list(QUANTITIES).index("payload_mass")] = max(payloads) + 0.1
 
     def start(self, seen: Seen) -> Memory:
         """Begin on the nearest plan, with all hypotheses."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
+from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_env.simulation.arm import FlexibleArm
 
 NAMES = ("payload_mass", "stiffness")
@@ -71,16 +72,8 @@ class Node(NamedTuple):
     ) -> Node:
         """Make the node of what an arm does along the plan, under changed torques and gains on deviations."""
         plan = self.plan
-        run = arm.rollout(
-            plan.states[0],
-            plan.torques + forward,
-            gains=np.ascontiguousarray(gains),
-            references=plan.states[:-1],
-            limits=plan.limits,
-            period=plan.period,
-            step=plan.step,
-            **named(values),
-        )
+        feedback = {"gains": np.ascontiguousarray(gains), "references": plan.states[:-1]}
+        run = plan.rollout(arm, plan.states[0], plan.torques + forward, **feedback, **named(values))
         return Node.of(values, replace(plan, states=run.states, torques=run.torques), arm, weights)
 
 
@@ -111,6 +104,14 @@ def grid(
     """
     own = Node.of(np.array([arm.parameters.payload_mass, 1.0]), plan, arm, weights)
     found = []
+    if plan.payloads is not None:  # steps towards less than half of a payload diverge
+        side = "negative" if plan.states[0, 1] < 0.0 else "positive"
+        for payload in payloads:
+            made = replace(plan.parameters, payload_mass=payload)
+            anew = plan_phases(made, plan.reference, plan.payloads, side, plan.period, plan.limits)
+            first = Node.of(np.array([payload, 1.0]), anew, arm, weights)
+            found += [first.towards(np.array([payload, factor]), arm, weights) for factor in stiffnesses]
+        return found
     row = [own.towards(np.array([own.values[0], stiffness]), arm, weights) for stiffness in stiffnesses]
     for payload in payloads:
         row = [node.towards(np.array([payload, node.values[1]]), arm, weights) for node in row]

@@ -75,9 +75,12 @@ class FilterTables:
         torques = np.stack([plan.torques for plan in plans])
         size = states.shape[2]
         flat = states[:, :-1].reshape(-1, size), torques.reshape(-1, 2)
-        along = Transition(
-            *(part.reshape(count, periods, *part.shape[1:]) for part in kalman.linearise(*flat, **values))
-        )
+        now = _carrying(kalman, plans, values)
+        along = Transition(*(part.reshape(count, periods, *part.shape[1:]) for part in kalman.linearise(*flat, **now)))
+        if "payload_mass" in kalman.quantities:
+            column = size + kalman.quantities.index("payload_mass")
+            others = np.arange(kalman.size) != column
+            along.matrix[..., others, column] *= np.stack([plan.own_payload for plan in plans])[..., None]
         start = kalman.start(states[:, 0], **values)
         rows, _ = kalman.sensors(gauges)
         there = np.ones((count, len(rows)), dtype=bool)
@@ -98,7 +101,7 @@ class FilterTables:
             nominal,
             along.matrix[..., moved, :known],
             along.by_torque[..., moved, :],
-            _by_half(kalman, along, flat, moved, values),
+            _by_half(kalman, along, flat, moved, now),
             torques,
             np.concatenate([along.state, along.seen], axis=-1),
             gain,
@@ -153,6 +156,15 @@ class FilterTables:
         known, size = self.matrix.shape[-1], moved.shape[1] - 2
         parts = moved[:, :size], estimate[:, size:known], moved[:, size:], estimate[:, known:-2]
         return np.concatenate(parts, axis=1)
+
+
+def _carrying(kalman: KalmanFilter, plans: Sequence[Plan], values: dict[str, Any]) -> dict[str, Any]:
+    """Return the quantities of all periods of all plans, one after the other, where their payload changes."""
+    if all(plan.payloads is None for plan in plans):
+        return values
+    each = [plan.carrying(values, kalman.arm)["payload_mass"] for plan in plans]
+    masses = np.concatenate([np.broadcast_to(x, len(plan.torques)) for x, plan in zip(each, plans, strict=True)])
+    return values | {"payload_mass": masses}
 
 
 def _by_half(

@@ -80,12 +80,15 @@ class LinearQuadratic:
             arm: the arm.
             **quantities: in the place of the arm's own, see `FlexibleArm.step`.
         """
-        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step, **quantities)
+        now = plan.carrying(quantities, arm)
+        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step, **now)
+        by_quantity = found.by_quantity.copy()
+        by_quantity[..., list(ARM_QUANTITIES).index("payload_mass")] *= plan.own_payload[:, None]
         _, slopes = arm.output_jacobians(plan.states)
         outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
         cost = outputs.swapaxes(1, 2) @ outputs
         tip = slopes.sensed[:, :2]
-        return cls(found.by_state, found.by_torque, found.by_quantity, cost, tip, weights.torque, plan.period)
+        return cls(found.by_state, found.by_torque, by_quantity, cost, tip, weights.torque, plan.period)
 
     def with_integral(self, integral: float) -> Self:
         """Add the integral of the tip's deviation to z.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ class Plan:
         period: control period [s].
         step: of the integration [s].
         notes: anything plain (JSON): weights, starts, the solver's log, scores.
+        payloads: what the tip carries in each period [kg]; NaN: what the arm does, or the episode; None: that
+            throughout. Such a plan has no file. Shape (n,).
     """
 
     parameters: ArmParameters
@@ -47,6 +50,7 @@ class Plan:
     period: float
     step: float
     notes: dict[str, Any] = field(default_factory=dict)
+    payloads: Floats | None = None
 
     def __post_init__(self) -> None:
         """Check that all fit together.
@@ -99,10 +103,48 @@ class Plan:
 
     def replay(self) -> Rollout:
         """Run its torques from its first state, open loop, on the arm that it is made for."""
-        return self.arm.rollout(self.states[0], self.torques, limits=self.limits, period=self.period, step=self.step)
+        return self.rollout(self.arm, self.states[0], self.torques)
+
+    def rollout(self, arm: FlexibleArm, state: Floats, torques: Floats, **feedback: Any) -> Rollout:
+        """Run an arm from a state, with the plan's limits and steps, and with its changes of the payload.
+
+        Args:
+            arm: the arm.
+            state: Shape (..., 4 + 4 m).
+            torques: Shape (n, 2).
+            **feedback: gains, references and quantities of `FlexibleArm.rollout`.
+        """
+        options = {"limits": self.limits, "period": self.period, "step": self.step}
+        if self.payloads is None:
+            return arm.rollout(state, torques, **options, **feedback)
+        mass = feedback.pop("payload_mass", arm.parameters.payload_mass)
+        edges = [0, *(np.flatnonzero(np.diff(np.nan_to_num(self.payloads, nan=-1.0))) + 1).tolist(), len(torques)]
+        parts: list[Rollout] = []
+        for begin, end in pairwise(edges):
+            own = {name: x[begin:end] if name in ("gains", "references") else x for name, x in feedback.items()}
+            carried = self.payloads[begin]
+            own["payload_mass"] = mass if np.isnan(carried) else carried
+            parts.append(arm.rollout(state, torques[begin:end], **options, **own))
+            state = parts[-1].states[..., -1, :]  # the rates stay (`flexarm_env.episode.payload`)
+        states = [parts[0].states, *(part.states[..., 1:, :] for part in parts[1:])]
+        return Rollout(np.concatenate(states, axis=-2), np.concatenate([part.torques for part in parts], axis=-2))
+
+    def carrying(self, quantities: Mapping[str, Any], arm: FlexibleArm) -> dict[str, Any]:
+        """Return quantities of an arm in each period, with the payload that it carries then. Shape (n,) or ()."""
+        if self.payloads is None:
+            return dict(quantities)
+        mass = quantities.get("payload_mass", arm.parameters.payload_mass)
+        return {**quantities, "payload_mass": np.where(np.isnan(self.payloads), mass, self.payloads)}
+
+    @property
+    def own_payload(self) -> Floats:
+        """1 in periods in which the payload is the arm's or the episode's, else 0. Shape (n,)."""
+        return np.ones(len(self.torques)) if self.payloads is None else np.isnan(self.payloads).astype(float)
 
     def save(self, path: str | Path) -> None:
         """Write an npz file: arrays, and the rest as JSON text."""
+        if self.payloads is not None:
+            raise ValueError("payloads: a plan with changes of the payload has no file")
         head = {
             "parameters": asdict(self.parameters),
             "limits": self.limits,

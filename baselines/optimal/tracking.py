@@ -71,16 +71,8 @@ class PlanRegulator:
         """
         plan = self.plan
         run = plan.arm if arm is None else _fitting(plan, arm)
-        return run.rollout(
-            plan.states[0] if state is None else state,
-            plan.torques,
-            gains=self.gains,
-            references=plan.states[:-1],
-            limits=plan.limits,
-            period=plan.period,
-            step=plan.step,
-            **quantities,
-        )
+        start = plan.states[0] if state is None else np.asarray(state, dtype=np.float64)
+        return plan.rollout(run, start, plan.torques, gains=self.gains, references=plan.states[:-1], **quantities)
 
 
 def _fitting(plan: Plan, arm: FlexibleArm) -> FlexibleArm:

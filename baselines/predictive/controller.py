@@ -78,6 +78,8 @@ class PredictiveController(PlanController):
         Raises:
             ValueError: naming what does not fit.
         """
+        if task.payloads is not None:
+            raise ValueError("env: payload_changes: the model that predicts has one payload throughout")
         arm = FlexibleArm(task.arm) if model is None else model
         if choice("reference", reference, REFERENCES) == "path" and plans is None:
             plans = previewed(arm, task.reference, task.torque_limit, task.period)

@@ -231,7 +231,7 @@ def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> N
     assert sum(len(point.episodes) for point in COLUMNS["unknown"].points) == DRAWN
     laps = [one.lap for point in COLUMNS["unknown"].points for one in point.episodes]
     assert laps.count("swing") == laps.count("plain") == DRAWN // 2
-    assert {point.task for point in COLUMNS["nominal"].points} == set(TASKS)
+    assert {point.task for column in COLUMNS.values() for point in column.points} == set(TASKS)
 
 
 def test_settings_fit_into_one_batch_where_their_common_values_are_equal() -> None:
