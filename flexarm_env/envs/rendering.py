@@ -44,7 +44,7 @@ HALO = 1.8  # white rim around a shape
 PATH_WIDTH, LINK_WIDTH, TRACE_WIDTH, DASHES_WIDTH = 1.6, 8.0, 2.6, 1.4
 HUB_RADIUS, JOINT_RADIUS, PIN_RADIUS = 13.0, 8.0, 3.2
 REFERENCE_RADIUS, REFERENCE_WIDTH, RING_CORNERS = 10.5, 2.0, 48
-TIP_RADIUS, SENSOR_RADIUS = 6.0, 4.5
+TIP_RADIUS, SENSOR_RADIUS, PAYLOAD_RADIUS = 6.0, 4.5, 15.0
 CROSS_SIDE, CROSS_WIDTH = 5.5, 2.0  # larger than the sensor's diamond, which may cover it
 DASH, GAP = 4.0, 4.0
 TINY = 1e-9
@@ -74,6 +74,7 @@ class Snapshot(NamedTuple):
     gain: float | None  # lambda of the inner law; None where the action is something else
     gain_limit: float  # full deflection of its gauge
     reach: float  # of the arm [m]; a disc of this radius fits into the picture
+    carries: bool = False  # whether the tip has taken up a payload
 
 
 class Renderer:
@@ -227,7 +228,13 @@ def _draw_scene(canvas: _Canvas, shot: Snapshot) -> None:
     _draw_arm(canvas, hub, [place(link) for link in shot.links])
     reference, tip, sensor, sensed = (place(p) for p in (shot.reference, shot.trace[-1], shot.sensor, shot.sensed))
     _draw_dashes(canvas, sensor, sensed)
-    for marker, point in ((_tip, tip), (_sensed, sensed), (_sensor, sensor), (_reference, reference)):
+    for marker, point in (
+        *([(_payload, tip)] if shot.carries else []),
+        (_tip, tip),
+        (_sensed, sensed),
+        (_sensor, sensor),
+        (_reference, reference),
+    ):
         if np.isfinite(point).all():
             marker(canvas, point)
 
@@ -276,6 +283,11 @@ def _tip(canvas: _Canvas, at: Array) -> None:
     """Mark the true tip: a disc."""
     canvas.disc(at, TIP_RADIUS + HALO, PAPER)
     canvas.disc(at, TIP_RADIUS, ORANGE)
+
+
+def _payload(canvas: _Canvas, at: Array) -> None:
+    """Mark a payload that the tip has taken up: a square around it."""
+    canvas.polygon(at + PAYLOAD_RADIUS * _corners(4) @ np.array([[0.5, 0.5], [-0.5, 0.5]]) * 2**0.5, INK)
 
 
 def _sensor(canvas: _Canvas, at: Array) -> None:

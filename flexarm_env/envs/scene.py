@@ -75,5 +75,6 @@ class Scene:
             torque_scale=TORQUE_LIMIT if np.inf in settings.motor_limit else settings.motor_limit,
             gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,
             gain_limit=settings.gain_limit,
+            carries=bool(np.any(values.get("CARRIED", 0.0))),
             reach=MARGIN * settings.flexible_arm.parameters.reach,
         )

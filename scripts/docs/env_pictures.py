@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
 from flexarm_agents.files import put
+from flexarm_baselines.registry import controller, make_controller
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
@@ -29,6 +30,7 @@ class Picture(NamedTuple):
     reset: dict[str, Any]  # options of the reset
     steps: int  # control periods before the last of its frames
     seed: int = 0  # seed of the reset
+    controller: str = ""  # name of the one that drives instead of the policy
 
 
 def constant(value: float) -> Callable[[FlexArmEnv, Any], Any]:
@@ -93,12 +95,12 @@ PICTURES = {
         {"start": "corner", "elbow_branch": "negative"},
         5000,
     ),
-    "Carry-v0": moving(
-        "With 1.5 kg, under a stiff spring and damper in each joint: the tip swings past the second corner.",
-        6.0,
-        470,
+    "Carry-v0": Picture(
+        "The tip takes up 1.2 kg (the square), driven by `lqg`, and arrives at the next corner.",
         STIFF,
-        payload_mass=1.5,
+        {"start": "corner", "elbow_branch": "negative", "parameters": {"payload_mass": 1.2}},
+        965,
+        controller="lqg",
     ),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
@@ -109,14 +111,21 @@ PICTURES = {
 def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
     """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each."""
     wanted = PICTURES[name]
-    made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None)  # the policies are poor
+    own = controller(wanted.controller).options if wanted.controller else {}
+    # without a limit, since the policies are poor
+    made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None, **own)
     env = made.unwrapped
     assert isinstance(env, FlexArmEnv)
     stride = max(1, round(INTERVAL / env.settings.control_period))
     observation, _ = made.reset(seed=wanted.seed, options=wanted.reset)
-    found = []
+    driver = make_controller(wanted.controller, made) if wanted.controller else None
+    found, memory = [], None
     for step in range(1, wanted.steps + 1):
-        observation, _, terminated, _, info = made.step(wanted.policy(env, observation))
+        if driver is not None:
+            action, memory = driver.predict(observation, memory)
+        else:
+            action = wanted.policy(env, observation)
+        observation, _, terminated, _, info = made.step(action)
         assert not terminated, f"{name}: {end_reason(info['end_code'])} after {info['time']} s"
         left, odd = divmod(wanted.steps - step, stride)
         if left < most and not odd:

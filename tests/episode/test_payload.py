@@ -17,7 +17,7 @@ from flexarm_env.episode.payload import carried_payload, change_payloads
 from flexarm_env.kernels.entries import clock_row, column
 from flexarm_env.kernels.variants import block_at
 from flexarm_env.simulation.arm import FlexibleArm
-from tests.support.envs import SQUARE, bare, vector
+from tests.support.envs import SQUARE, bare, same_as_alone
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
@@ -150,15 +150,7 @@ def test_a_state_holds_the_payload_and_what_it_changes() -> None:
 def test_a_batch_has_the_same_bits_as_each_alone(mode: str) -> None:
     options: dict[str, Any] = FAST | {"payload_changes": ((0.03 / 16, None), (0.06 / 16, 0.1)), "action_mode": mode}
     options |= {"arm": ARMS[1], "randomisation": {"payload_mass": (0.2, 1.5)}}
-    envs, env = vector(SQUARE, 3, **options), bare(**options)
-    envs.reset(seed=[1, 2, 3])
-    together = [envs.step(np.tile(np.float32(action), (3, 1))) for action in ACTIONS]
-    for n, seed in enumerate((1, 2, 3)):
-        env.reset(seed=seed)
-        for action, batch in zip(ACTIONS, together, strict=True):
-            observation, _, _, _, info = env.step(np.float32(action))
-            np.testing.assert_array_equal(observation, batch[0][n])
-            np.testing.assert_array_equal(info["payload"], batch[4]["payload"][n])
+    same_as_alone(SQUARE, 3, options, 40, infos_too=("payload", "state"))
 
 
 def test_what_does_not_fit_is_refused() -> None:
