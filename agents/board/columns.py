@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, nominal_options
-from flexarm_env.envs.registration import UNKNOWN_PLANT
+from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.extras import install_hint
 from flexarm_env.parameters import ArmParameters
@@ -16,6 +16,7 @@ from flexarm_env.parameters import ArmParameters
 SEEDS = 3  # episodes of each lap where something is random
 DRAWN = 256  # episodes on unknown arms
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
+LOADS = {"randomisation": IDS["Carry-v0"].options["randomisation"]}
 CARRIED = 16  # episodes of each lap of the task "carry"
 PULSES = (5.0, 10.0, 20.0, 40.0)  # largest components of a force of 0.1 s [N]
 PART = 16  # of them, in one cell
@@ -164,6 +165,10 @@ COLUMNS: dict[str, Column] = {
         (
             Point("nominal mass", {"randomisation": {}}, task="carry"),
             Point("0.2 to 1.5 kg", task="carry", seeds=range(CARRIED)),
+            # up at the first corner, down at the third, on the lap of the square; no entry is told
+            Point(
+                "on the lap", {"payload_changes": ((0.25, None), (0.75, 0.0)), **LOADS}, task="square", seeds=range(8)
+            ),
         ),
         "nominal mass",
     ),

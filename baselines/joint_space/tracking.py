@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexarm_baselines.arrays import Floats, product
@@ -197,13 +198,13 @@ class JointTracking(TorqueController):
         instants = task.period * (begun + np.arange(task.periods + 1))
         count = round((task.lap_time + 2.0 * MARGIN) / FINE)
         times = instants[0] - MARGIN + FINE * np.arange(count + 1)
-        motion = self._motion(self._joints(times, side, None if period is None else instants[0]))
+        motion = self._carried(times, self._joints(times, side, None if period is None else instants[0]))
         size = self.arm.size
         states = CubicSpline(times, motion.states)(instants[:-1])
         acting = instants + task.actuation_delay  # what is commanded then acts later
         impulse = CubicSpline(times, motion.torques).antiderivative()(acting)
         joints = states[:, [0, 1, size, size + 1]]
-        found = Targets(joints, np.diff(impulse, axis=0) / task.period, self._gains(joints))
+        found = Targets(joints, np.diff(impulse, axis=0) / task.period, self._gains(instants[:-1], joints))
         return Targets(*(np.roll(one, begun, axis=0) for one in found))
 
     def _joints(self, times: Floats, side: float, start: float | None) -> Floats:
@@ -221,21 +222,45 @@ class JointTracking(TorqueController):
         rest[0] = nearest_turn(rest[0], joints[begun, 0])
         return rest + _minimum_jerk((times - start) / max(self.shape.ramp, FINE))[:, None] * (joints - rest)
 
-    def _motion(self, joints: Floats) -> FlexibleMotion:
-        """Return the motion with its feed-forward."""
+    def _carried(self, times: Floats, joints: Floats) -> FlexibleMotion:
+        """Return the motion with its feed-forward, at each time that of the arm with the payload of that time.
+
+        Where the payload changes, the motions of both arms should rest.
+        """
+        (arm, _), *others = self._arms(times)
+        found = self._motion(arm, joints)
+        for other, now in others:
+            own = self._motion(other, joints)
+            found.states[now], found.torques[now] = own.states[now], own.torques[now]
+        return found
+
+    def _arms(self, times: Floats) -> list[tuple[FlexibleArm, NDArray[np.bool_]]]:
+        """Return the arms of the lap, and at which of some times [s] each is there. Shape (n,)."""
+        task = self.task
+        if task.payloads is None:
+            return [(self.arm, np.ones(len(times), dtype=bool))]
+        masses = np.where(np.isnan(task.payloads), task.arm.payload_mass, task.payloads)
+        now = masses[np.floor(times / task.period + 1e-6).astype(np.int64) % task.periods]
+        return [(FlexibleArm(replace(task.arm, payload_mass=float(one))), now == one) for one in np.unique(now)]
+
+    def _motion(self, arm: FlexibleArm, joints: Floats) -> FlexibleMotion:
+        """Return the motion of an arm with its feed-forward."""
         if self.feedforward == "flexible":
-            return flexible_motion(self.arm, joints, FINE)
-        rigid = rigid_motion(self.arm, joints, FINE)
+            return flexible_motion(arm, joints, FINE)
+        rigid = rigid_motion(arm, joints, FINE)
         return rigid if self.feedforward == "rigid" else rigid._replace(torques=np.zeros_like(rigid.torques))
 
-    def _gains(self, joints: Floats) -> Floats:
+    def _gains(self, times: Floats, joints: Floats) -> Floats:
         """Return the gains of each period. Shape (periods, 2, 4)."""
         gains = np.concatenate([np.diag(self.feedback.stiffness), np.diag(self.feedback.resistance)], axis=1)
         if not self.feedback.decoupled:
             return np.tile(gains, (len(joints), 1, 1))
         q = np.zeros((len(joints), self.arm.size))
         q[:, :2] = joints[:, :2]
-        return np.asarray(self.arm.mass_matrix(q)[:, :2, :2] @ gains)
+        found = np.empty((len(joints), 2, 4))
+        for arm, now in self._arms(times):
+            found[now] = arm.mass_matrix(q[now])[:, :2, :2] @ gains
+        return found
 
 
 def _minimum_jerk(share: Floats) -> Floats:

@@ -188,7 +188,7 @@ def _carry() -> str:
         return f"`flexarm leaderboard --columns carry` measures it; the {BOARD} has no figures of it yet."
     rows = []
     for row in board()["rows"]:
-        laps = row["columns"].get("carry", {"points": [None]})["points"][-1]
+        laps = row["columns"]["carry"]["points"][board()["columns"]["carry"]["values"].index("0.2 to 1.5 kg")]
         for lap, one in laps.items() if laps and "not_applicable" not in laps and not row["privileged"] else ():
             worst = [
                 None if one[name] is None else one[name]["p90"] for name in ("vibration", "settling_time", "moment")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_baselines.joint_space.tracking import JointTracking
 from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, PlanRegulator
 from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.registry import controller, make_controller
@@ -66,6 +67,14 @@ def test_jacobians_are_those_of_the_arm_of_each_stretch() -> None:
         one = arm.step_jacobians(plan.states[period], plan.torques[period], plan.period, step=plan.step)
         np.testing.assert_allclose(found.by_state[period], one.by_state, rtol=1e-6, atol=1e-9)
         assert np.any(found.by_quantity[period, :, own]) == (mass == 0.6)
+
+
+def test_feed_forward_is_that_of_the_arm_of_each_stretch() -> None:
+    task = Task.of(make(**JointTracking.options(), **OPTIONS))
+    found = JointTracking(task).targets(-1.0, 0).torques
+    for mass, stretch in ((0.1, slice(0, 300)), (0.6, slice(340, 1100)), (0.1, slice(1140, 1600))):
+        one = replace(task, arm=replace(task.arm, payload_mass=mass), payloads=None)
+        np.testing.assert_allclose(found[stretch], JointTracking(one).targets(-1.0, 0).torques[stretch], atol=1e-6)
 
 
 def test_what_knows_no_changes_is_refused(tmp_path: Path) -> None:
