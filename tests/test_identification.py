@@ -175,6 +175,10 @@ LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
             lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", torque_resolution=(1, 1)), TORQUE),
             "ideal motors",
         ),
+        (
+            lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", pulse_force=(1, 0)), TORQUE),
+            "pulse_force = 0",
+        ),
     ],
 )
 def test_bad_input_is_refused(call: Any, message: str) -> None:

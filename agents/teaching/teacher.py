@@ -39,7 +39,7 @@ WEIGHTS = RegulatorWeights(tip=0.03)  # softer than `GOOD`: a student imitates s
 OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's plan; a hundredth of a millimetre is left
 TURN = 2.0 * np.pi
 NEEDED: dict[str, Any] = {"action_mode": "torque", "reference": ("square",), "direction": "clockwise"}
-NEEDED |= {"control_period": 0.01, **IDEAL_MOTORS}
+NEEDED |= {"control_period": 0.01, "payload_changes": None, **IDEAL_MOTORS}
 
 
 class Pupils(NamedTuple):

@@ -132,6 +132,8 @@ def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -
         raise ValueError('env: must have action_mode="torque", scaled=False, frame="world"')
     if settings.real_motors:
         raise ValueError("env: must have ideal motors; the torque of others is not the one that is played")
+    if settings.payload_changes or settings.pulsed:
+        raise ValueError("env: must have payload_changes = None and pulse_force = 0; a recording is of one free arm")
     if np.any(np.abs(torques) > settings.motor_limit):
         raise ValueError(f"torque: must be at most {settings.motor_limit} N m, got {np.abs(torques).max(axis=0)}")
     blocks, rows = inner.observation_blocks, []

@@ -49,7 +49,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
     ],
     FileNotFoundError: [({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped")],
     ValueError: [
-        ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Lab-v0'"),
+        ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Carry-v0'"),
         ({"environment": 3}, r"environment = 3: must be one of"),
         ({"options": {"noise": -1.0}}, r"noise = -1.0: must be"),
         ({"steps": 0}, r"steps = 0: must be an integer >= 1"),
@@ -97,6 +97,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**SMALL, "options": {"noise": 0.01}}, r"noise = 0.01: derivatives run through 0.0 only"),
         ({**FOPG, "options": {"encoder_noise": [0.0, 0.01]}}, r"encoder_noise = .*: derivatives run through"),
         ({**FOPG, "options": {"actuation_delay": 0.01}}, r"actuation_delay = 0.01: derivatives run through"),
+        ({**FOPG, "options": {"pulse_force": [1.0, 0.0]}}, r"pulse_force = .*: derivatives run through"),
         ({**SMALL, "options": DRAWN}, r"randomisation = .*: derivatives run through"),
         ({**SMALL, "options": SECOND}, r"second_sensor_link = 1: derivatives run through"),
         ({**SMALL, "curriculum_options": {"noise": 0.01}}, r"noise = 0.01: derivatives run through"),
