@@ -22,7 +22,7 @@ number = 7
 """
 ALONE = "--no-baselines --no-shipped"
 BAD = [  # status 1, and what the line says after "error: "
-    ("show Sqare-v0", "environment = 'Sqare-v0': must be one of 'FlexArm/Lab-v0', "),
+    ("show Sqare-v0", "environment = 'Sqare-v0': must be one of 'FlexArm/Carry-v0', "),
     ('train --options {"noize":1}', "Settings.__init__() got an unexpected keyword argument 'noize'; did you mean 'no"),
     ("evaluate nobody", "policy 'nobody': neither a file or folder nor a known name; shipped "),
     ("evaluate --laps 0", "laps = 0: must be an integer >= 1"),

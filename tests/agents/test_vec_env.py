@@ -227,5 +227,5 @@ def test_what_is_refused(env: FlexArmVecEnv) -> None:
         env.step_wait()
     with pytest.raises(RuntimeError, match="before reset"):
         env.step(np.zeros((COUNT, 2)))
-    with pytest.raises(ValueError, match=r"environment = 'CartPole-v1': must be one of 'FlexArm/Lab-v0', "):
+    with pytest.raises(ValueError, match=r"environment = 'CartPole-v1': must be one of 'FlexArm/Carry-v0', "):
         FlexArmVecEnv.make("CartPole-v1", 2)
