@@ -76,7 +76,7 @@ class Observer(Encoder):
         layout = observation_layout(settings, settings.program)
         arm, period, delay = settings.flexible_arm, settings.control_period, max(settings.sensor_delays)
         if self.kind == "nominal":
-            kalman = KalmanFilter(arm, period, delay, settings.sensor_position, controller.NOISE)
+            kalman = KalmanFilter(arm, period, delay, settings.sensor_position, controller.QUICK)
         else:
             known = adaptive.QUANTITIES["delay"]
             deviation, drift = {"delay": known.deviation}, {"delay": known.drift}

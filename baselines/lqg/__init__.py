@@ -1,6 +1,6 @@
 """Linear-quadratic-Gaussian control along plans: `LQG`, and its forms that read more or find out more."""
 
 from flexarm_baselines.lqg.adaptive import AdaptiveLQG
-from flexarm_baselines.lqg.controller import LQG, NOISE, GaugedLQG
+from flexarm_baselines.lqg.controller import LQG, NOISE, QUICK, WEIGHTS, GaugedLQG
 
-__all__ = ["LQG", "NOISE", "AdaptiveLQG", "GaugedLQG"]
+__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG"]

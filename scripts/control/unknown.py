@@ -1,46 +1,25 @@
-"""LQG, its adaptive form and a fixed robust design on arms that each episode draws anew."""
+"""LQG, its adaptive form and feedback of the true state on arms that each episode draws anew."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from flexarm_baselines.lqg.nodes import grid
-from flexarm_baselines.observers import NoiseModel
-from flexarm_baselines.optimal import RegulatorWeights
-from flexarm_baselines.optimal.library import plans_for
 from flexarm_baselines.registry import controller
 from flexarm_baselines.task import Task
-from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.study import Trial
-from scripts.control.trials import cell, run_laps, study
+from scripts.control.trials import study
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
 Design = Callable[[Task], Mapping[str, Any]]  # returns keyword arguments of a controller's `for_env`
-
-
-def robust(task: Task) -> Mapping[str, Any]:
-    """Return a design of LQG for the worst cases: where a search of some thirty designs stood."""
-    payload, stiffness, weights = 0.618, 0.9, RegulatorWeights(speed=0.3, torque=(6.0, 2.0))  # [kg], factor
-    arm, found = FlexibleArm(task.arm), plans_for(task.arm, task.reference, task.period, task.torque_limit)
-    first, second = task.arm.flexural_rigidities
-    rigidities = (stiffness * first, stiffness * second)
-    return {
-        "plans": [grid(plan, arm, (payload,), (stiffness,), weights)[0].plan for _, plan in found],
-        "model": FlexibleArm(replace(task.arm, payload_mass=payload, flexural_rigidities=rigidities)),
-        "weights": weights,
-        "noise": NoiseModel(joint_angle=3e-3, joint_rate=5.0, tip=0.02, torque=(10.0, 4.0)),
-        "delay": 0.03,
-    }
 
 
 def run_unknown(name: str, design: Design = lambda task: {}) -> dict[str, list[list[float] | None]]:
@@ -69,14 +48,6 @@ def run_unknown(name: str, design: Design = lambda task: {}) -> dict[str, list[l
     return {lap: kept[n :: len(LAPS)] for n, lap in enumerate(LAPS)}
 
 
-def run_robust() -> Any:
-    """Run the robust design on both laps of the default arm."""
-    env = gymnasium.make(ENVIRONMENT, **controller("lqg").options)
-    design = robust(Task.of(env))
-    env.close()
-    return run_laps("lqg", design)
-
-
 def _summary(episodes: list[list[float] | None]) -> tuple[str, list[list[float]]]:
     """Return how many are lost, and mean and worst of the others' errors [m]: over the lap, after 2 s."""
     kept = np.array([pair for pair in episodes if pair is not None])
@@ -94,25 +65,10 @@ def unknown_table(results: Any) -> str:
     return table(["", "lap", "lost", "mean [mm]", "worst [mm]"], lines)
 
 
-def robust_table(results: Any) -> str:
-    """Tabulate the robust design, a line for each lap."""
-    lines = []
-    for lap in LAPS:
-        lost, figures = _summary(results["unknown arms"][lap])
-        whole = (f"{1e3 * errors[0]:.1f}" for errors in figures)
-        lines.append([lap, cell(results["default arm"][lap], 1), lost, *whole])
-    return table(["lap", "default arm [mm]", "unknown arms: lost", "mean [mm]", "worst [mm]"], lines)
-
-
 LQG: dict[str, Trial] = {
     "LQG": partial(run_unknown, "lqg"),
     "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
     "true state in place of a filter": partial(run_unknown, "plan_lqr"),
 }
-ROBUST: dict[str, Trial] = {"default arm": run_robust, "unknown arms": partial(run_unknown, "lqg", robust)}
 LQG_TEXT = "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]"
-ROBUST_TEXT = "LQG that is designed for the worst cases, and fixed"
-STUDIES = {
-    **study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table),
-    **study(__name__, "lqg_robust", ROBUST_TEXT, lambda: ROBUST, robust_table),
-}
+STUDIES = study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table)
