@@ -26,7 +26,7 @@ from flexarm_env.validation import mapping, shown
 INTERFACE = (
     *("action_mode", "torque_rate_limit", "gain_limit", "shift_limit", "inner_stiffness", "inner_damping"),
     *("proportional_gain", "derivative_gain", "compensation", "feedback_source", "rate_jacobian", "delayed", "sensor"),
-    *("observation", "frame", "previews", "last_actions", "scaled"),
+    *("observation", "frame", "previews", "last_actions", "scaled", "imu_link", "imu_noise"),
 )
 _ENTRY_POINTS = {one.entry for one in IDS.values()}
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
-from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, InertialLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
@@ -119,6 +119,11 @@ CONTROLLERS: dict[str, Controller] = {
         f"{ANDERSON_MOORE}, chapter 8",
     ),
     "lqg_gauges": Controller(GaugedLQG, "as `lqg`, with strain gauges", f"{ANDERSON_MOORE}, chapter 8"),
+    "lqg_imu": Controller(
+        InertialLQG,
+        "as `lqg`, with an accelerometer and a gyro at the tip",
+        f"{ANDERSON_MOORE}, chapter 8; Titterton & Weston, Strapdown inertial navigation technology, 2004",
+    ),
     "lqg_adaptive": Controller(
         AdaptiveLQG,
         "as `lqg`, with a bank of filters that also estimate payload, stiffness, damping and the delays of sensor and "

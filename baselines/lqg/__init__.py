@@ -2,5 +2,6 @@
 
 from flexarm_baselines.lqg.adaptive import AdaptiveLQG
 from flexarm_baselines.lqg.controller import LQG, NOISE, QUICK, WEIGHTS, GaugedLQG
+from flexarm_baselines.lqg.imu import InertialLQG
 
-__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG"]
+__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG", "InertialLQG"]

@@ -31,8 +31,8 @@ QUICK = NoiseModel(
 )
 # Of all that were compared, what lets deviations from the plan decay fastest on the slowest of the published arms
 # (`python -m scripts.control --only lqg_robust` searches; docs/lqg.md).
-NOISE = replace(QUICK, joint_angle=0.02, joint_rate=7.0, torque=(7.5, 3.0))
-WEIGHTS = RegulatorWeights(speed=0.04, torque=(9.0, 3.0))
+NOISE = replace(QUICK, joint_angle=0.028, joint_rate=9.0)
+WEIGHTS = RegulatorWeights(speed=0.05, torque=(8.0, 2.7))
 DELAYS = ("known", "ignored")
 TIP = slice(4, 6)  # of the readings
 
