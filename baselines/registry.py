@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
+from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, InertialLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
@@ -101,6 +102,11 @@ CONTROLLERS: dict[str, Controller] = {
         "inverse dynamics of the rigid arm, with filtered joint feedback through its mass matrix",
         "Luh, Walker & Paul, IEEE Trans. Automatic Control 25, 1980",
         {"feedforward": "rigid", "feedback": DECOUPLED},
+    ),
+    "computed_torque_dob": Controller(
+        ObservedTracking,
+        "as `computed_torque`, less the torque that a disturbance observer finds from the rigid arm's momenta",
+        "Chen, Ballance, Gawthrop & O'Reilly, IEEE Trans. Industrial Electronics 47, 2000",
     ),
     "shaped": Controller(
         JointTracking,
