@@ -208,7 +208,7 @@ def robust_picture(results: Any) -> Figure:
     axis.plot(shipped["decay"], 100.0 * shipped["lost"], "*", color="black", markersize=12, label="shipped")
     axis.axvline(0.0, color="0.6", linewidth=0.8)
     axis.set(xlabel="slowest decay over the published arms [1/s]; negative: deviations grow", ylabel="lost laps [%]")
-    axis.set_ylim(bottom=0.0)
+    axis.set_ylim(bottom=-2.0)
     axis.legend()
     return figure
 
