@@ -63,7 +63,7 @@ class ObservedTracking(JointTracking):
         acting = keep * acting + (1.0 - keep) * found
         torque, after = super().torque(seen, tuple(inner))
         torque = np.clip(torque - acting, -limit, limit)
-        expected = expected + self.task.period * (torque + self._carried(seen) + found)
+        expected = expected + self.task.period * (torque + self.by_angles(seen) + found)
         return torque, (*after, expected, acting)
 
     def momentum(self, seen: Seen) -> Floats:
@@ -72,7 +72,7 @@ class ObservedTracking(JointTracking):
         mass = self._masses + self._coupling * cosine * np.array([[2.0, 1.0], [1.0, 0.0]])
         return product(mass, seen["joint_rates"])
 
-    def _carried(self, seen: Seen) -> Floats:
+    def by_angles(self, seen: Seen) -> Floats:
         """Return the derivatives of the kinetic energy by the angles [N m]. Shape (n, 2)."""
         first, second = seen["joint_rates"].T
         own = -self._coupling * np.sin(seen["joint_angles"][:, 1]) * first * (first + second)

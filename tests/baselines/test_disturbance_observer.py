@@ -32,7 +32,7 @@ def test_momenta_and_what_carries_them_are_derivatives_of_the_kinetic_energy(con
     row = np.zeros(len(controller.task.scale))
     row[controller.task.blocks["joint_angles"]], row[controller.task.blocks["joint_rates"]] = angles, rates
     seen = Seen(controller.task, row[None])
-    for found, of_rates in ((controller.momentum(seen), True), (controller._carried(seen), False)):
+    for found, of_rates in ((controller.momentum(seen), True), (controller.by_angles(seen), False)):
         for n, change in enumerate(step * np.eye(2)):
             ends = ((angles, rates + s * change) if of_rates else (angles + s * change, rates) for s in (1.0, -1.0))
             ahead, behind = (energy(controller.arm, *end) for end in ends)
