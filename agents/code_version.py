@@ -12,6 +12,7 @@ import importlib.util
 from collections.abc import Collection, Iterable, Iterator
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
 # Data that a module reads from its package.
@@ -108,7 +109,15 @@ def _tree(name: str) -> ast.Module:
 
 @cache
 def _source_hash(name: str) -> str:
-    return hashlib.sha256(ast.dump(_tree(name)).encode()).hexdigest()
+    return hashlib.sha256(_written(_tree(name)).encode()).hexdigest()
+
+
+def _written(node: Any) -> str:
+    """Write a syntax tree; fields that are empty, of which each version of Python has others, are left out."""
+    if isinstance(node, ast.AST):
+        filled = [f"{name}={_written(value)}" for name, value in ast.iter_fields(node) if value is not None]
+        return f"{type(node).__name__}({','.join(one for one in filled if not one.endswith('=[]'))})"
+    return f"[{','.join(map(_written, node))}]" if isinstance(node, list) else repr(node)
 
 
 def _data(name: str) -> list[Path]:

@@ -72,7 +72,7 @@ def _environment(entry: Entry, point: Point) -> dict[str, Any]:
     options = point.environment_options(entry.interface)
     task = TASKS[point.task]
     code = _code(task.hosted, task.measure.__module__)
-    episodes = [list(one) for one in point.episodes]
+    episodes = [list(one) for one in point.seeded(entry.content)]
     try:
         settings = Settings.of(options)
     except (TypeError, ValueError) as error:  # the result says so, too

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.terms import FIRST_SEED, TASKS, nominal_options
+from flexarm_agents.board.terms import TASKS, nominal_options, seed_of
 from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.extras import install_hint
 from flexarm_env.parameters import ArmParameters
 
-SEEDS = 3  # episodes of each lap where something is random
+SEEDS = 2  # episodes of each lap where something is random
 DRAWN = 256  # episodes on unknown arms
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
 LOADS = {"randomisation": IDS["Carry-v0"].options["randomisation"]}
@@ -26,7 +26,7 @@ class Episode(NamedTuple):
     """An episode of a cell."""
 
     lap: str | None  # name of the lap; None: the environment begins it
-    seed: int  # of its reset
+    seed: int  # of its reset; of a point's own episodes, the number from which it follows
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,19 @@ class Point:
 
     @property
     def episodes(self) -> tuple[Episode, ...]:
-        """All episodes."""
+        """All episodes, with numbers in the place of seeds."""
         laps = TASKS[self.task].laps
         if not self.paired:
-            return tuple(Episode(laps[n % len(laps)], FIRST_SEED + n) for n in self.seeds)
-        return tuple(Episode(lap, FIRST_SEED + n) for lap in laps for n in self.seeds)
+            return tuple(Episode(laps[n % len(laps)], n) for n in self.seeds)
+        return tuple(Episode(lap, n) for lap in laps for n in self.seeds)
+
+    def seeded(self, content: str) -> list[Episode]:
+        """Return all episodes with the seeds that a policy of some content (`Entry.content`) meets.
+
+        Points at which the same options are random share seeds, so that they differ in the value alone.
+        """
+        stream = [content, self.task, *(sorted(self.options) if len(self.seeds) > 1 else ())]
+        return [Episode(lap, seed_of(*stream, str(n))) for lap, n in self.episodes]
 
     def environment_options(self, interface: Mapping[str, Any]) -> dict[str, Any]:
         """Return the options of the environment in which an entry runs at this point."""
@@ -65,6 +73,7 @@ class Column:
     # Value of the nominal environment, one of the points' or between two; None: there is none
     nominal: float | str | None = None
     sample: bool = False  # the points are parts of one sample, which is added up as a whole
+    headline: bool = False  # it is part of the ranking, and is computed first
 
     @property
     def nominal_index(self) -> int:
@@ -144,19 +153,20 @@ COLUMNS: dict[str, Column] = {
             Point("chain", task="chain"),
         ),
         "square",
+        headline=True,
     ),
-    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 25), scale=1e-3), OWN_DELAY),
-    "jitter": Column("Jitter of the delay", "ms", _option("jitter", _grid(0.0, 60.0, 7), SEEDS, 1e-3), 0.0),
-    "dropout": Column("Lost readings", "1", _option("dropout", _grid(0.0, 0.5, 6), SEEDS), 0.0),
+    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 13), scale=1e-3), OWN_DELAY),
+    "jitter": Column("Jitter of the delay", "ms", _option("jitter", _grid(0.0, 60.0, 4), SEEDS, 1e-3), 0.0),
+    "dropout": Column("Lost readings", "1", _option("dropout", [0.0, 0.1, 0.3, 0.5], SEEDS), 0.0),
     "sensor_position": Column(
-        "Sensor's distance from the elbow", "m", _option("sensor_position", _grid(0.5, 4.5, 9)), 4.5
+        "Sensor's distance from the elbow", "m", _option("sensor_position", [0.5, 2.5, 3.5, 4.0, 4.5]), 4.5
     ),
-    "noise": Column("Sensor noise", "mm", _option("noise", [0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0], SEEDS, 1e-3), 0.0),
-    "payload": Column("Payload", "kg", tuple(Point(x, arm={"payload_mass": x}) for x in _grid(0.0, 1.0, 11)), 0.0),
-    "stiffness": Column("Stiffness", "1", _factor("flexural_rigidities", _grid(0.75, 1.25, 11)), 1.0),
-    "density": Column("Mass of the links", "1", _factor("masses_per_length", _grid(0.75, 1.25, 11)), 1.0),
+    "noise": Column("Sensor noise", "mm", _option("noise", [0.0, 3.0, 5.0, 10.0], SEEDS, 1e-3), 0.0),
+    "payload": Column("Payload", "kg", tuple(Point(x, arm={"payload_mass": x}) for x in _grid(0.0, 1.0, 6)), 0.0),
+    "stiffness": Column("Stiffness", "1", _factor("flexural_rigidities", _grid(0.8, 1.2, 5)), 1.0),
+    "density": Column("Mass of the links", "1", _factor("masses_per_length", _grid(0.8, 1.2, 5)), 1.0),
     "actuation_delay": Column(
-        "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 13), scale=1e-3), 0.0
+        "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 7), scale=1e-3), 0.0
     ),
     "model": Column("Model", "", tuple(_models()), "3 shapes"),
     "carry": Column(
@@ -173,5 +183,22 @@ COLUMNS: dict[str, Column] = {
         "nominal mass",
     ),
     "disturbances": Column("Disturbances", "", (Point("none"), *_disturbances()), "none"),
-    "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True),
+    "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True, headline=True),
 }
+
+
+def phases(columns: Mapping[str, Column]) -> list[dict[str, Column]]:
+    """Return what is computed one after the other: the headline with a first part of its sample, all of it, the rest.
+
+    Whoever waits has a first page soon.
+    """
+    headline = {name: column for name, column in columns.items() if column.headline}
+    first = {
+        name: replace(column, points=column.points[:1]) if column.sample else column
+        for name, column in headline.items()
+    }
+    found: list[dict[str, Column]] = []
+    for some in (first, headline, dict(columns)):
+        if some and some not in found:
+            found.append(some)
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +13,7 @@ from typing import Any
 
 import gymnasium
 
-from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, home_of, interface_of, nominal_options
+from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, home_of, interface_of, limits, nominal_options
 from flexarm_agents.code_version import code_version, file_hash
 from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of, spec_of
 from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
@@ -41,6 +42,8 @@ class Entry:
     options: Mapping[str, Any] = field(default_factory=dict)
     algorithm: str | None = None  # class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`
     vec_normalize: str = ""  # file of its statistics, see there
+    # Whether a law whose action is a gain has the limits of all others: of torque, error and deflection
+    limited: bool = False
 
     def __post_init__(self) -> None:
         own = Path(self.source).stem if Path(self.source).exists() else self.source
@@ -60,7 +63,7 @@ class Entry:
     @property
     def interface(self) -> dict[str, Any]:
         """The entry's own options of its environments."""
-        return _recipe(self).interface
+        return {**_recipe(self).interface, **(limits() if self.limited else {})}
 
     @property
     def home(self) -> str:
@@ -74,7 +77,7 @@ class Entry:
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
         """Return the policy with any environment that fits it, both made anew."""
         recipe = _recipe(self)
-        whole = {**entry_options(recipe.interface), **options}
+        whole = {**entry_options(self.interface), **options}
         env = make_one(environment, whole)
         return Candidate(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
 
@@ -88,9 +91,13 @@ class Entry:
     def fingerprint(self) -> dict[str, str]:
         """The hashes of the policy's data and of the code that it runs."""
         policy, recipe = self.candidate().policy, _recipe(self)
-        named = [Path(file) for file in getattr(policy, "files", ())]
-        files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
-        return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
+        files = " ".join(map(file_hash, [*recipe.files, *map(Path, getattr(policy, "files", ()))]))
+        return {**recipe.label, "files": files, "code": code_version([*recipe.modules, *_modules(policy)])}
+
+    @property
+    def content(self) -> str:
+        """Hash of its fingerprint: what its seeds follow from."""
+        return hashlib.sha256(json.dumps(self.fingerprint, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ class Recipe:
 @lru_cache(maxsize=64)
 def _candidate(entry: Entry, task: str) -> Candidate:
     recipe = _recipe(entry)
-    options = nominal_options(recipe.interface, task)
+    options = nominal_options(entry.interface, task)
     environment = SQUARE if TASKS[task].hosted else TASKS[task].environment
     env = make_one(environment, options)
     if task != entry.home and (size := entry.candidate().env.action_space.shape) != env.action_space.shape:
@@ -167,11 +174,15 @@ LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
+LIMITED = tuple(Entry(name, f"{name}_limited", limited=True) for name in ("ifdc", "flsac"))
 
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
     """Return all entries, each with a name of its own."""
-    entries = [Entry(name, environment=CONTROLLERS[name].environment) for name in controller_names()] + list(LATE)
+    entries = [Entry(name, environment=CONTROLLERS[name].environment) for name in controller_names()] + [
+        *LATE,
+        *LIMITED,
+    ]
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     entries += [_added(source) for source in added]
     names = [entry.name for entry in entries]

@@ -108,7 +108,7 @@ def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -
         ends = np.cumsum(counts).tolist()
         calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
         env = _batch(task, [one for one, count in zip(each, counts, strict=True) for _ in range(count)])
-        made = _run(task, env, env, nominal, [episode for point in points for episode in point.episodes], calls)
+        made = _run(task, env, env, nominal, [one for point in points for one in point.seeded(entry.content)], calls)
         results = [{"episodes": made[call.lanes]} for call in calls]
         # an error in a call ends all its episodes: they are run again, each alone, to see whose it is
         again = [n for n, one in enumerate(results) if any(e["ended"] == RAISED for e in one["episodes"])]
@@ -125,7 +125,7 @@ def _one_by_one(entry: Entry, points: Sequence[Point], each: Sequence[Settings])
         nominal: Any = candidate.env.unwrapped
         calls = [_Call(slice(0, 1), predictor(candidate.policy, deterministic=True), not entry.batched)]
         made = []
-        for episode in point.episodes:
+        for episode in point.seeded(entry.content):
             env: Any = _hosted(entry, point) if task.hosted else _batch(task, [one])
             view = env.envs[0].unwrapped if task.hosted else env
             made += _run(task, env, view, nominal, [episode], calls)

@@ -19,14 +19,19 @@ Record = Mapping[str, NDArray[np.float64]]  # an episode's instants, those of it
 class Figure(NamedTuple):
     """A figure; less is better."""
 
-    title: str  # what it is
+    text: str  # what it is
     unit: str  # "m" is shown in mm, every other unit as it is
+    title: str = ""  # heading; "": the text
+
+    def plain(self) -> dict[str, str]:
+        """Return plain values for a file."""
+        return {"title": self.title or self.text, "text": self.text, "unit": self.unit}
 
 
 ERRORS = {
-    "rms": Figure("distance of the tip from the reference, r.m.s. over the lap", "m"),
-    "rms_after_2s": Figure("the same from 2 s on", "m"),
-    "maximum": Figure("largest distance", "m"),
+    "rms": Figure("distance of the tip from the reference, r.m.s. over the lap", "m", "lap"),
+    "rms_after_2s": Figure("the same from 2 s on", "m", "after 2 s"),
+    "maximum": Figure("largest distance of the tip from the reference", "m", "largest"),
 }
 
 

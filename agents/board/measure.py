@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
@@ -21,26 +22,22 @@ from flexarm_agents.board.terms import BOARD, TASKS
 from flexarm_agents.files import write_json, write_text
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
-from flexarm_baselines import IFDC
-from flexarm_env.analysis import delay_margin, law_loop
-from flexarm_env.envs.settings import Settings
-from flexarm_env.parameters import SquareParameters
-from flexarm_env.physics.paths import square
 from flexarm_env.validation import choice
 
-DATA = "leaderboard.json"
+DATA, TABLE = "leaderboard.json", "leaderboard.csv"
+PUBLISHED = Path(__file__).with_name(DATA)  # the whole board, as it was measured last; beside it is the schema
 INCOMPLETE = "their entries lack cells, the cells that were computed are kept"  # after a failure
-PLACES = 5  # of a margin, on half a side of the square; the other sides repeat it
 DIGITS = 6  # of the figures in the board's file
 
 
 def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Entry]:
-    """Return entries by their names, without some; those that are added need no name."""
+    """Return entries by their names, without some, and those that are added; all where no name and none is given."""
     entries, own = all_entries(added), [entry.name for entry in all_entries(())]
     for what, given in (("entries", names), ("without", without)):
         for name in given:
             choice(what, name, tuple(entry.name for entry in entries))
-    wanted = [entry for entry in entries if not names or entry.name in names or entry.name not in own]
+    every = not names and not added
+    wanted = [entry for entry in entries if every or entry.name in names or entry.name not in own]
     return [entry for entry in wanted if entry.name not in without]
 
 
@@ -79,7 +76,7 @@ def measure(
         for entry in entries
     }
     found = [
-        entry_summary(entry, columns, whole[entry.name]) | {"delay_margin": delay_margins(entry)}
+        entry_summary(entry, columns, whole[entry.name])
         for entry in entries
         if all(one is not None for column in whole[entry.name].values() for one in column)
     ]
@@ -92,9 +89,8 @@ def board(entries: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -
     return {
         "board": BOARD,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
-        "references": TASKS["square"].best(),
         "tasks": {
-            name: {"figures": {key: one._asdict() for key, one in task.figures.items()}, "best": task.best()}
+            name: {"figures": {key: one.plain() for key, one in task.figures.items()}, "best": task.best()}
             for name, task in TASKS.items()
         },
         "columns": {
@@ -112,11 +108,48 @@ def board(entries: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -
 
 
 def write(results: Mapping[str, Any], folder: Path) -> None:
-    """Write the board's JSON and tables into a folder, which is made."""
+    """Write the board's JSON, CSV and tables into a folder, which is made."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / DATA, rounded(results), levels=5)
+    shown = rounded(results)
+    write_json(folder / DATA, shown, levels=5)
+    write_text(folder / TABLE, as_csv(shown))
     for name, text in tables(results).items():
         write_text(folder / f"{name}.md", text)
+
+
+def as_csv(results: Mapping[str, Any]) -> str:
+    """Write all figures as CSV, a line for each entry, point, lap and figure; a quantile that is infinite is empty."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    counts, statistics = ("episodes", "lost", "first_loss"), ("median", "p90", "mean", "least", "most")
+    writer.writerow(("entry", "column", "task", "value", "unit", "lap", *counts, "figure", "figure_unit", *statistics))
+    for row in results["rows"]:
+        for name, measured in row["columns"].items():
+            column, points = results["columns"][name], measured["points"]
+            values = column["values"] if len(points) == len(column["values"]) else ("all",)  # of one sample
+            for value, task, point in zip(values, column["tasks"], points, strict=False):
+                where = (row["name"], name, task, value, column["unit"])
+                laps = {} if point is None or "not_applicable" in point else point
+                for lap, found in laps.items():
+                    for figure, about in results["tasks"][task]["figures"].items():
+                        told = found[figure] or dict.fromkeys(statistics)
+                        own = (figure, about["unit"], *(told[one] for one in statistics))
+                        writer.writerow((*where, lap, *(found[one] for one in counts), *own))
+    return file.getvalue()
+
+
+def published() -> dict[str, Any] | None:
+    """Return the shipped board; None if it is another version's."""
+    found: dict[str, Any] = json.loads(PUBLISHED.read_text(encoding="utf-8"))
+    return found if found["board"] == BOARD else None
+
+
+def beside(results: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a board beside the entries of another one that it has not measured, in the columns that both have."""
+    own = {entry["name"] for entry in results["rows"]}
+    columns = {name: column for name, column in results["columns"].items() if name in others["columns"]}
+    rows = [*results["rows"], *(entry for entry in others["rows"] if entry["name"] not in own)]
+    return {**results, "columns": columns, "rows": rows}
 
 
 def rounded(value: Any) -> Any:
@@ -126,23 +159,3 @@ def rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [rounded(one) for one in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
-
-
-def delay_margins(entry: Entry) -> Mapping[str, float] | None:
-    """Return the "least" and "most" delay margin [s] along the square, by the linear theory of an arm at rest.
-
-    None for an entry whose loop is not linear, or does not contain the sensor.
-    """
-    candidate = entry.candidate()
-    settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
-    assert isinstance(settings, Settings)
-    if not isinstance(candidate.policy, IFDC) or settings.feedback_source != "sensor":
-        return None
-    path = square(SquareParameters())
-    places = path.position(np.linspace(0.0, path.lap_time / 8.0, PLACES))
-    # the axis has one delay for both joints
-    sensor = replace(settings.sensor_parameters, delay=max(settings.sensor_delays))
-    gain = candidate.policy.gain
-    loops = [law_loop(settings.flexible_arm, place, sensor, gain) for place in places]
-    found = [delay_margin(loop).delay for loop in loops]
-    return {"least": min(found), "most": max(found)}

@@ -1,4 +1,4 @@
-"""What the cells of an entry add up to: figures at a point, where an axis breaks it, all as plain values."""
+"""What the cells of an entry add up to: figures at a point, values of an axis without a loss, all as plain values."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.figures import ERRORS, Figure
 from flexarm_agents.board.terms import SQUARE, TASKS
 from flexarm_agents.environments import settings_of
+from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
-from flexarm_env.metrics import optimality_gap
 
 LIMIT = float(settings_of(SQUARE, {}).error_limit or np.inf)  # error at which a lap is lost, and as which it counts [m]
 QUANTILES = {"median": 0.5, "p90": 0.9}
@@ -68,14 +68,16 @@ def point_summary(result: Mapping[str, Any] | None, task: str = "square") -> dic
     return {lap: lap_summary(episodes, TASKS[task].figures) for lap, episodes in laps.items()}
 
 
-def sample_summary(results: Sequence[Mapping[str, Any] | None], task: str) -> dict[str, Any]:
-    """Add up a column that is one sample: its laps, and "whole", all its episodes."""
-    both = merged(results)
-    found: dict[str, Any] = {"points": [point_summary(both, task)]}
-    if both is not None and "not_applicable" not in both:
-        whole = lap_summary(both["episodes"], TASKS[task].figures)
-        found["whole"] = whole | {"loss_interval": list(loss_interval(whole["lost"], whole["episodes"]))}
-    return found
+def whole_summary(column: Column, results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
+    """Add up all episodes of a column; None if a point is missing, none is applicable, or the tasks' figures differ."""
+    figures = TASKS[column.points[0].task].figures
+    if any(one is None for one in results) or any(TASKS[point.task].figures != figures for point in column.points):
+        return None
+    episodes = [episode for one in results if one for episode in one.get("episodes", ())]
+    if not episodes:
+        return None
+    whole = lap_summary(episodes, figures)
+    return whole | {"loss_interval": list(loss_interval(whole["lost"], whole["episodes"]))}
 
 
 def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
@@ -100,106 +102,55 @@ def loss(laps: Sequence[Mapping[str, Any]]) -> float:
     return float(sum(one["lost"] for one in laps) / sum(one["episodes"] for one in laps))
 
 
-def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict[str, dict[str, Any]]:
-    """Find where each lap fails first, going away from the nominal value to either side.
-
-    Returns:
-        For each lap "lost" and "doubled", each with "low" and "high": the value nearest to the nominal one at which an
-        episode is lost, or the mean error over the lap is twice that at the nominal value; None if at none. Where the
-        nominal value itself is lost there are no such ends; "complete" then has the values without a loss, else None.
-    """
+def kept(column: Column, points: Sequence[Mapping[str, Any] | None]) -> list[float]:
+    """Return the values of an axis about the nominal one, up to the first on either side at which a lap is lost."""
+    able = [one if one and "not_applicable" not in one else None for one in points]
+    whole = [one is not None and not any(lap["lost"] for lap in one.values()) for one in able]
     own = column.nominal_index
-    found: dict[str, dict[str, Any]] = {}
-    for lap in LAPS:
-        laps = [None if one is None else one.get(lap) for one in points]
-        usual = _mean(laps[own], column)
-        lost = [n for n, one in enumerate(laps) if one is not None and one["lost"]]
-        doubled = [
-            n
-            for n, one in enumerate(laps)
-            if usual is not None and (mean := _mean(one, column)) is not None and mean > 2.0 * usual
-        ]
-        complete = None
-        if own in lost:
-            whole = [n for n, one in enumerate(laps) if one is not None and not one["lost"]]
-            lost, doubled, complete = [], [], [column.points[n].value for n in whole]
-        ends = {"lost": _ends(column, lost, own), "doubled": _ends(column, doubled, own)}
-        found[lap] = {**ends, "complete": complete}
-    return found
+    first = next((n + 1 for n in range(own, -1, -1) if not whole[n]), 0)
+    last = next((n for n in range(own, len(points)) if not whole[n]), len(points))
+    return [float(column.points[n].value) for n in range(first, last)]
 
 
-def spans(values: Sequence[float], some: Sequence[float]) -> str:
-    """Write values of an axis, neighbours together: "0.3 to 1"."""
-    runs: list[list[float]] = []
-    for before, value in zip([None, *values], values, strict=False):
-        if value in some:
-            if runs and runs[-1][-1] == before:
-                runs[-1].append(value)
-            else:
-                runs.append([value])
-    return ", ".join(f"{run[0]:g}" if len(run) == 1 else f"{run[0]:g} to {run[-1]:g}" for run in runs)
-
-
-def within(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) -> list[float]:
-    """Return the values of an axis that lie within all ends; see `breaking`."""
-    low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
-    high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)
-    return [value for value in values if low < value < high]
-
-
-def _mean(lap: Mapping[str, Any] | None, column: Column) -> float | None:
-    """Return the mean headline figure of the complete laps; None where there is none."""
-    name = TASKS[column.points[0].task].headline
-    return None if lap is None or lap[name] is None else float(lap[name]["mean"])
-
-
-def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
-    """Return the values nearest to the nominal one on either side, among points that failed."""
-    low, high = ([n for n in failed if n < own], [n for n in failed if n > own])
-    return {
-        "low": column.points[max(low)].value if low else None,
-        "high": column.points[min(high)].value if high else None,
-    }
+def spans(values: Sequence[float]) -> str:
+    """Write values of an axis that are neighbours: "0.3 to 1"."""
+    return f"{values[0]:g} to {values[-1]:g}" if len(values) > 1 else "".join(f"{value:g}" for value in values)
 
 
 def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
     """Return an entry of the board as plain values."""
     candidate = entry.candidate()
+    settings: Settings = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
     found: dict[str, Any] = {
         "name": entry.name,
         "source": entry.source,
-        "action": candidate.env.unwrapped.settings.action_mode,  # type: ignore[attr-defined]
+        "action": settings.action_mode,
+        "torque_limit": list(settings.motor_limit) if np.isfinite(settings.motor_limit).all() else None,
         "reads": list(candidate.reads),
         "privileged": candidate.privileged,
         "columns": {},
     }
     for name, column in columns.items():
         each = results[name]
-        if column.sample:
-            found["columns"][name] = sample_summary(each, column.points[0].task)
-            continue
-        points = [point_summary(one, point.task) for one, point in zip(each, column.points, strict=True)]
+        points = (
+            [point_summary(merged(each), column.points[0].task)]
+            if column.sample
+            else [point_summary(one, point.task) for one, point in zip(each, column.points, strict=True)]
+        )
         found["columns"][name] = {"points": points}
+        if whole := whole_summary(column, each):
+            found["columns"][name]["whole"] = whole
         if all(isinstance(point.value, float) for point in column.points):
-            found["columns"][name]["breaking"] = breaking(column, points)
+            found["columns"][name]["kept"] = kept(column, points)
     return found
 
 
 def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
     """Return the errors of an entry's nominal laps by name: whole lap and after 2 s [m]; None for a lost one."""
-    square = entry["columns"]["nominal"]["points"][list(TASKS).index("square")]
+    points = entry["columns"].get("nominal", {"points": [None]})["points"]
+    square = points[list(TASKS).index("square")]
     errors: dict[str, dict[str, float] | None] = {}
     for lap in LAPS:
-        one = square[lap] if square else None
+        one = square.get(lap) if square else None
         errors[lap] = None if one is None or one["lost"] else {name: one[name]["mean"] for name in ERRORS}
     return errors
-
-
-def gap(results: Mapping[str, Any], lap: str, rms: float) -> float | None:
-    """Return where an error lies between the best plan's, 0, and the yardstick's, 1; None without the yardstick."""
-    for entry in results["rows"]:
-        if entry["name"] == "ifdc":
-            errors = nominal_errors(entry)[lap]
-            if errors is not None:
-                return optimality_gap(rms, results["references"][lap]["rms"], errors["rms"])
-    return None

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.summary import LIMIT, counted, gap, loss, nominal_errors, spans, within
-from flexarm_env.laps import LAPS
+from flexarm_agents.board.summary import nominal_errors, spans
 
 Board = Mapping[str, Any]
+Entry = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table
-PRIVILEGED = "\\*"  # after the name of a privileged entry
-UNRANKED = "*Without a rank:*"  # above the privileged entries
+PRIVILEGED, UNLIMITED = "\\*", "†"  # after the name of an entry that reads the true state, or has no limit of torque
+UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
-NONE = "none"  # the nominal lap itself is lost
-HOLDING = (("lost",), ("lost", "doubled"))  # what must not happen: see `flexarm_agents.board.summary.breaking`
-UNKNOWN = (  # heads
-    "unknown arms: lost",
-    f"error, a lost lap as {LIMIT:g} m [mm]",
-    "mean of the completed laps [mm]",
-)
+LOST = "lost"
+UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student", "agent student_unknown")
 
 
@@ -33,90 +28,147 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
-def ranked(board: Board) -> list[Mapping[str, Any]]:
-    """Return the entries in order: by the error on unknown arms, where lost laps count, then by the nominal laps.
+def has_rank(entry: Entry) -> bool:
+    """Return whether an entry plays by the rules: it does not read the true state, and its torques have a limit."""
+    return not entry["privileged"] and entry["torque_limit"] is not None
 
-    Privileged entries, which have no rank, come last.
+
+def ranked(board: Board) -> list[Entry]:
+    """Return the entries in order; those without a rank come last.
+
+    First comes the least 90th percentile of the error on unknown arms, where a lost lap is infinite; where more than a
+    tenth are lost the least share of them, then the least median; then the nominal laps.
     """
 
-    def rank(entry: Mapping[str, Any]) -> tuple[bool, float, int, float, str]:
+    def rank(entry: Entry) -> tuple[Any, ...]:
+        whole = _unknown(entry)
         errors = [one["rms"] for one in nominal_errors(entry).values() if one is not None]
-        error = counted(laps) if (laps := _unknown_laps(entry)) else np.inf
-        return entry["privileged"], error, len(LAPS) - len(errors), sum(errors), entry["name"]
+        first = [_or_infinite(whole["rms"], "p90"), whole["lost"] / whole["episodes"]] if whole else [np.inf, 1.0]
+        median = _or_infinite(whole["rms"], "median") if whole else np.inf
+        return not has_rank(entry), *first, median, -len(errors), sum(errors), entry["name"]
 
     return sorted(board["rows"], key=rank)
 
 
-def title(entry: Mapping[str, Any]) -> str:
-    """Return an entry's name, marked if it is privileged."""
-    return f"{entry['name']}{PRIVILEGED if entry['privileged'] else ''}"
+def _or_infinite(figure: Mapping[str, float | None] | None, what: str) -> float:
+    """Return a quantile of a figure; infinity where too many were lost."""
+    value = None if figure is None else figure[what]
+    return np.inf if value is None else value
+
+
+def on_square(entry: Entry) -> bool:
+    """Return whether an entry is of those that the ranking compares: it can do the square."""
+    return any(one is not None for one in nominal_errors(entry).values()) or _unknown(entry) is not None
+
+
+def place(board: Board, name: str) -> tuple[int, int] | None:
+    """Return an entry's rank, from 1, and how many entries have one; None for one without a rank."""
+    names = [entry["name"] for entry in filter(on_square, ranked(board)) if has_rank(entry)]
+    return (names.index(name) + 1, len(names)) if name in names else None
+
+
+def title(entry: Entry) -> str:
+    """Return an entry's name, marked if it has no rank."""
+    marks = PRIVILEGED * entry["privileged"] + UNLIMITED * (entry["torque_limit"] is None)
+    return f"{entry['name']}{marks}"
+
+
+class Best(NamedTuple):
+    """A figure of a nominal task, of which the best value known of each lap is known."""
+
+    task: str
+    figure: str
+    values: Mapping[str, float]  # of each lap
+
+    def over(self, entry: Entry, board: Board) -> Iterator[float | None]:
+        """Yield how much more an entry has on each lap; None where it has none, or lost the lap."""
+        index = board["columns"]["nominal"]["tasks"].index(self.task)
+        point = entry["columns"]["nominal"]["points"][index] or {}
+        for lap, best in self.values.items():
+            found = point.get(lap)
+            figure = None if found is None or found["lost"] else found[self.figure]
+            yield None if figure is None else figure["mean"] - best
+
+
+def best_of(board: Board) -> Iterator[Best]:
+    """Yield the figures of the nominal tasks whose best values are known."""
+    for task in board["columns"]["nominal"]["tasks"] if "nominal" in board["columns"] else ():
+        for figure in board["tasks"][task]["figures"]:
+            values = {lap: own[figure] for lap, own in board["tasks"][task]["best"].items() if figure in own}
+            if values:
+                yield Best(task, figure, values)
 
 
 def ranking(board: Board) -> str:
-    """Write what becomes of each entry on unknown arms, its nominal errors, and what it reads."""
-    unknown = "unknown" in board["columns"]
-    head = ["entry", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
-    head += ["gap, " + " / ".join(LAPS), "reads"]
+    """Write what becomes of each entry on unknown arms, how near it is to the best plans known, and what it reads."""
+    best = list(best_of(board))
+    titles = [f"{one.task}, {board['tasks'][one.task]['figures'][one.figure]['title']}" for one in best]
+    laps = [" / ".join(one.values) for one in best]
+    over = [f"{name}: over the best plan, {each} [mm]" for name, each in zip(titles, laps, strict=True)]
+    head = ["", "entry", *UNKNOWN, *over, "reads"]
     lines: list[list[str]] = []
-    for entry in ranked(board):
-        if entry["privileged"] and UNRANKED not in [line[0] for line in lines]:
-            lines.append([UNRANKED, *[""] * (len(head) - 1)])
-        errors = nominal_errors(entry)
-        gaps = [None if one is None else gap(board, lap, one["rms"]) for lap, one in errors.items()]
-        line = [title(entry), *(_unknown(entry) if unknown else []), *map(_errors, errors.values())]
-        line.append(" / ".join("-" if one is None else f"{one:.3f}" for one in gaps))
-        lines.append([*line, ", ".join(entry["reads"]) or "nothing"])
+    for entry in filter(on_square, ranked(board)):
+        if not has_rank(entry) and UNRANKED not in [line[1] for line in lines]:
+            lines.append(["", UNRANKED, *[""] * (len(head) - 2)])
+        number = str(len(lines) + 1) if has_rank(entry) else ""
+        cells = (" / ".join(LOST if one is None else signed(one) for one in each.over(entry, board)) for each in best)
+        lines.append([number, title(entry), *unknown_cells(entry), *cells, ", ".join(entry["reads"]) or "nothing"])
     return table(head, lines)
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write a few entries of the ranking in one line each: losses and mean error on unknown arms, nominal errors."""
+    """Write a few entries of the ranking in one line each: unknown arms, and the errors of the nominal laps."""
     lines = []
     for entry in ranked(board):
-        laps, errors = _unknown_laps(entry), nominal_errors(entry).values()
-        if entry["name"] in names and laps:
-            cells = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
-            lines.append([title(entry), share(loss(laps)), millimetres(counted(laps)), *cells])
-    return table(["entry", "lost", "error, unknown arms [mm]", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
+        if entry["name"] in names:
+            errors = nominal_errors(entry)
+            cells = [LOST if one is None else millimetres(one["rms"]) for one in errors.values()]
+            lines.append([title(entry), *unknown_cells(entry), *cells])
+    return table(["entry", *UNKNOWN, *(f"{lap} lap [mm]" for lap in nominal_errors(board["rows"][0]))], lines)
 
 
 def nominal(board: Board) -> str:
-    """Write the errors on every nominal task."""
-    values = board["columns"]["nominal"]["values"]
-    head = [
-        "entry",
-        *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [mm]" for value in values),
-    ]
-    tasks = board["columns"]["nominal"]["tasks"]
-    rows = [
-        [
-            title(entry),
-            *(point_text(*one, board) for one in zip(entry["columns"]["nominal"]["points"], tasks, strict=True)),
-        ]
-        for entry in ranked(board)
-    ]
-    return table(head, rows)
+    """Write the headline figures of every nominal task."""
+    column = board["columns"]["nominal"]
+    heads = []
+    for value, task in zip(column["values"], column["tasks"], strict=True):
+        points = (entry["columns"]["nominal"]["points"][column["tasks"].index(task)] for entry in board["rows"])
+        laps = next((list(point) for point in points if point and "not_applicable" not in point), [])
+        unit = next(iter(board["tasks"][task]["figures"].values()))["unit"]
+        laps_text = " / ".join(laps) if "all" not in laps else "mean, successes"
+        heads.append(f"{value}: {laps_text} [{'mm' if unit == 'm' else unit}]")
+    return _points("entry", heads, "nominal", range(len(heads)), board)
 
 
 def axis(name: str, board: Board) -> str:
-    """Write the errors along one axis, at some of its values."""
+    """Write the headline figures along one axis, at some of its values."""
     column = board["columns"][name]
     chosen = _some(len(column["values"]), COLUMNS[name].nominal_index)
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
-    head = [f"{column['title']}", *(f"{_number(column['values'][n])}{unit}" for n in chosen)]
-    rows = [
-        [title(entry), *(point_text(entry["columns"][name]["points"][n], column["tasks"][n], board) for n in chosen)]
+    return _points(column["title"], [f"{_number(column['values'][n])}{unit}" for n in chosen], name, chosen, board)
+
+
+def _points(first: str, heads: Sequence[str], name: str, chosen: Sequence[int], board: Board) -> str:
+    """Write some points of a column for every entry that can do one of them."""
+    tasks = board["columns"][name]["tasks"]
+    lines = [
+        [title(entry), *(point_text(entry["columns"][name]["points"][n], tasks[n], board) for n in chosen)]
         for entry in ranked(board)
     ]
-    return table(head, [row for row in rows if set(row[1:]) != {ABSENT}])
+    return table([first, *heads], _able(lines))
+
+
+def _able(lines: Iterable[Sequence[str]]) -> list[Sequence[str]]:
+    """Return the lines of the entries that can do something of a table."""
+    return [line for line in lines if {*line[1:]} != {ABSENT}]
 
 
 def robustness(board: Board) -> str:
-    """Write how far each axis of numbers may go, from the nominal value, before a lap is lost or an error doubled."""
-    names = [name for name in board["columns"] if any("breaking" in entry["columns"][name] for entry in board["rows"])]
+    """Write from where to where each axis of numbers may go, about the nominal value, before a lap is lost."""
+    names = [name for name in board["columns"] if any("kept" in entry["columns"][name] for entry in board["rows"])]
     heads = [_range(board["columns"][name]) for name in names]
-    lines = [[title(entry), *(_holds(name, entry, board) for name in names)] for entry in ranked(board)]
-    return table(["entry", *heads], lines)
+    lines = [[title(entry), *(_kept(entry["columns"][name]) for name in names)] for entry in ranked(board)]
+    return table(["entry", *heads], _able(lines))
 
 
 def _range(column: Mapping[str, Any]) -> str:
@@ -126,40 +178,28 @@ def _range(column: Mapping[str, Any]) -> str:
     return f"{column['title']}, {least} to {most}{unit}"
 
 
-def _holds(name: str, entry: Mapping[str, Any], board: Board) -> str:
-    """Write the values about the nominal one without a lost lap, and those without a doubled error, if fewer."""
-    column = entry["columns"][name]
-    points = zip(board["columns"][name]["values"], column["points"], strict=True)
-    values = [value for value, point in points if point is not None and "not_applicable" not in point]
-    if len(values) < 2:
+def _kept(column: Mapping[str, Any]) -> str:
+    """Write the values about the nominal one without a lost lap."""
+    able = sum(point is not None and "not_applicable" not in point for point in column["points"])
+    if able < 2:
         return ABSENT
-    laps = column["breaking"].values()
-    if any(one["complete"] is not None for one in laps):
-        return NONE
-    complete, good = (_inside(values, [one[what] for one in laps for what in whats]) for whats in HOLDING)
-    return complete if complete == good else f"{complete} ({good})"
+    return "all" if len(column["kept"]) == able else spans(column["kept"]) or "none"
 
 
-def _inside(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) -> str:
-    """Write the values of an axis that lie within all ends."""
-    found = within(values, ends)
-    return "all" if len(found) == len(values) else spans(values, found)
+def _unknown(entry: Entry) -> Mapping[str, Any] | None:
+    """Return the sum of an entry's episodes on unknown arms; None where they are not applicable or not measured."""
+    return entry["columns"].get("unknown", {}).get("whole")
 
 
-def _unknown_laps(entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the sums of an entry's laps on unknown arms; none where they are not applicable or not measured."""
-    column = entry["columns"].get("unknown")
-    point = column and column["points"][0]
-    return [] if not point or "not_applicable" in point else [point[lap] for lap in LAPS]
-
-
-def _unknown(entry: Mapping[str, Any]) -> list[str]:
+def unknown_cells(entry: Entry) -> list[str]:
     """Write the columns `UNKNOWN`."""
-    laps = _unknown_laps(entry)
-    if not laps:
+    whole = _unknown(entry)
+    if whole is None:
         return ["-"] * len(UNKNOWN)
-    completed = ("-" if one["rms"] is None else millimetres(one["rms"]["mean"]) for one in laps)
-    return [share(loss(laps)), " / ".join(millimetres(counted([one])) for one in laps), " / ".join(completed)]
+    low, high = (f"{100.0 * end:.1f}" for end in whole["loss_interval"])
+    quantiles = (_or_infinite(whole["rms"], what) for what in ("median", "p90"))
+    cells = [LOST if np.isinf(one) else millimetres(one) for one in quantiles]
+    return [f"{share(whole['lost'] / whole['episodes'])} ({low} to {high})", *cells]
 
 
 def share(part: float) -> str:
@@ -172,8 +212,10 @@ def millimetres(metres: float) -> str:
     return f"{1e3 * metres:.{1 if metres < 0.09995 else 0}f}"
 
 
-def _errors(errors: Mapping[str, float] | None) -> str:
-    return "lost" if errors is None else f"{millimetres(errors['rms'])} / {millimetres(errors['rms_after_2s'])}"
+def signed(metres: float) -> str:
+    """Write how much an error is above another one in mm; to a hundredth below 10 mm."""
+    digits = 2 if abs(metres) < 0.009995 else 1 if abs(metres) < 0.09995 else 0
+    return f"{1e3 * metres:+.{digits}f}"
 
 
 def point_text(point: Mapping[str, Any] | None, task: str, board: Board) -> str:
@@ -217,8 +259,8 @@ def tables(board: Board) -> dict[str, str]:
     writers: dict[str, Callable[[Board], str]] = {}
     if "nominal" in names:
         writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
-        writers |= {f"axis_{name}": partial(axis, name) for name in names if name not in ("nominal", "unknown")}
-        writers |= {"short_ranking": short_ranking} if "unknown" in names else {}
+        writers |= {"short_ranking": short_ranking} if "unknown" in names and board["rows"] else {}
+    writers |= {f"axis_{name}": partial(axis, name) for name in names if name != "nominal" and not COLUMNS[name].sample}
     for name, write in writers.items():
         found[name] = write(board)
     return found

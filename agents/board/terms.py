@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from flexarm_agents.board import carry
 from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
-from flexarm_agents.environments import INTERFACE
+from flexarm_agents.environments import INTERFACE, settings_of
 from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
 
-BOARD = 1  # version; raise it where scores change, and name the cause in the changelog
-FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # trainings and evaluations do not use such seeds by default
+BOARD = 2  # version; raise it where scores change, and name the cause in the changelog
+SEEDS = range(2_000_000_000, 4_000_000_000)  # trainings and evaluations do not use such ones by default
 SQUARE = "FlexArm/Square-v0"
 
 # Options that the board sets for entries of an action mode: the gain's law overshoots corners and has no torque limit.
@@ -72,6 +73,13 @@ TASKS: dict[str, BoardTask] = {
 }
 
 
+def limits() -> dict[str, Any]:
+    """Return the limits of torque [N m], error and deflection [m] under which entries play."""
+    settings = settings_of(SQUARE, {})
+    names = ("error_limit", "deflection_limit")
+    return {"torque_limit": settings.motor_limit, **{name: getattr(settings, name) for name in names}}
+
+
 def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, Any]:
     """Return the part of an environment's options that is an entry's own; if strict, refuse all others."""
     for name, value in options.items():
@@ -88,6 +96,12 @@ def entry_options(interface: Mapping[str, Any]) -> dict[str, Any]:
     gain = IDS["SquareGain-v0"].options
     own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
     return {**{name: gain[name] for name in own}, **interface}
+
+
+def seed_of(*stream: str) -> int:
+    """Return a seed that follows from the board's version and some texts, the same on every machine."""
+    digest = hashlib.sha256("\n".join((str(BOARD), *stream)).encode()).digest()
+    return SEEDS[int.from_bytes(digest[:8]) % len(SEEDS)]
 
 
 def home_of(environment: str) -> str:

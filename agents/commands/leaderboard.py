@@ -9,9 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_agents.board.cells import Store
-from flexarm_agents.board.columns import COLUMNS, measurable
+from flexarm_agents.board.columns import COLUMNS, DRAWN, PART, measurable, phases
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_entries, measure, write
+from flexarm_agents.board.measure import (
+    DATA,
+    INCOMPLETE,
+    beside,
+    chosen_columns,
+    chosen_entries,
+    measure,
+    published,
+    write,
+)
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
@@ -20,19 +29,23 @@ from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
 from flexarm_agents.jobs.failures import Failure, check_failures
 
+HEADLINE = tuple(name for name, column in COLUMNS.items() if column.headline)
 DESCRIPTION = f"""\
-Measure controllers and policies on the leaderboard's tasks and axes: {", ".join(COLUMNS)}. Cells are kept in the
-output folder under a hash of all that they depend on: an interrupted run goes on where it was, and a changed policy
-computes its own entry only. Without the extra `chain` the chain's cells are left out. A controller by linear
-algebra or an agent takes minutes for all columns, a predictive controller most of an hour."""
+Measure controllers and policies on the leaderboard's columns, and print their places among all entries, whose figures
+come along. Columns: {", ".join(COLUMNS)}; {" and ".join(HEADLINE)} decide the rank and are computed first, with a first
+page after {PART} of {DRAWN} unknown arms. On one core these two take a minute for a controller by linear algebra or an
+agent and some ten minutes for a predictive controller; all columns take twice as long. Cells are kept in the output
+folder under a hash of all that they depend on: an interrupted run goes on where it was, and a changed policy computes
+its own entry only. Without the extra `chain` the chain's cells are left out."""
 
 
 def parser() -> Reader:
     """Return the parser of the arguments."""
     reader = of_verb("leaderboard", DESCRIPTION)
-    reader.add_argument("--entries", nargs="+", default=(), metavar="ENTRY", help="names of entries; without it, all")
-    columns = "names of columns; without it, all"
-    reader.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
+    entries = "names of entries to measure; without it those of --add alone, or all"
+    reader.add_argument("--entries", nargs="+", default=(), metavar="ENTRY", help=entries)
+    columns = f"names of columns; {' '.join(HEADLINE)}"
+    reader.add_argument("--columns", nargs="+", default=HEADLINE, metavar="COLUMN", help=columns)
     added = (
         "further entries: module:attribute, a training's folder or npz file, or a JSON file with the fields of an entry"
     )
@@ -56,17 +69,18 @@ def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], li
         print(left_out, file=sys.stderr)
     where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
     store = Store(given.output / "cells")
-    results, failed = measure(entries, chosen, store, where, lambda total: progress_bar(total, "cells"))
-    write(results, given.output)
+    for columns in phases(chosen):
+        results, failed = measure(entries, columns, store, where, lambda total: progress_bar(total, "cells"))
+        write(results, given.output)
     return entries, results, failed
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Measure, write tables and JSON, print the ranking; an error says which cells could not be computed."""
+    """Measure, write tables and data, print the ranking; an error says which cells could not be computed."""
     given = parser().parse_args(arguments)
     entries, results, failed = measured(given)
-    found = tables(results)
-    for text in [found["ranking"]] if "ranking" in found else found.values():
+    found = tables(beside(results, published() or results))
+    for text in [found["ranking"]] if "ranking" in found else tables(results).values():
         print(f"{from_markdown(text, width())}\n")
     print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables beside it")
     check_failures(failed, given.output, INCOMPLETE)

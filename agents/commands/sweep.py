@@ -10,7 +10,7 @@ from typing import Any
 from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.summary import LIMIT, breaking, counted, merged, point_summary, spans
+from flexarm_agents.board.summary import LIMIT, counted, kept, merged, point_summary, spans
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import entry_of
 from flexarm_agents.commands.text import columns
@@ -61,22 +61,8 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
     rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
     lines = f"{LEGEND}\n{columns([(f'{name}: {column.title.lower()}{unit}', *heads), *rows], right=True)}"
     if all(isinstance(point.value, float) for point in column.points):
-        axis = [float(point.value) for point in column.points]
-        lines += "".join(f"\n{lap} lap: {fails(ends, axis)}" for lap, ends in breaking(column, points).items())
+        lines += f"\nno lap lost: {spans(kept(column, points)) or 'not at the nominal value'}"
     return lines
-
-
-def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
-    """Describe where a lap's error is doubled first, and where it is lost."""
-    if ends["complete"] is not None:
-        whole = spans(values, ends["complete"])
-        return f"lost at the nominal value; complete at {whole}" if whole else "lost everywhere"
-    parts = []
-    for what, words in (("lost", "lost"), ("doubled", "error doubled")):
-        sides = (("low", "{} and below"), ("high", "{} and above"))
-        where = [side.format(_number(ends[what][end])) for end, side in sides if ends[what][end] is not None]
-        parts.append(f"{words} at {', '.join(where)}" if where else f"never {words}")
-    return "; ".join(parts)
 
 
 def _number(value: float | str) -> str:

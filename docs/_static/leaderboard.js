@@ -2,78 +2,89 @@
 "use strict";
 (() => {
   const { element, choices, list, breakable, ready, cued } = flexarm;
-  const FIGURES = { rms: "whole lap", rms_after_2s: "after 2 s", maximum: "largest distance" };
   const OVERVIEW = "overview";
   const SVG = "http://www.w3.org/2000/svg";
   let board;
   flexarm.board = (data) => { board = data; };
 
-  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 2, down: false, marked: null };
+  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 1, down: false, marked: null };
+  const NONE = { rank: 2, text: "–", title: "not applicable" };
 
-  /** Return a lap's figure at a point of a row: a value, or why there is none. A lost lap counts with the limit. */
-  function cell(row, column, point, lap = state.lap, figure = state.figure) {
+  /** Return the figures of a column's point, and which of them is shown: the one that is chosen, else the headline. */
+  function figures(column, point) {
+    const all = board.tasks[board.columns[column].tasks[point]].figures;
+    return { all, shown: all[state.figure] ? state.figure : Object.keys(all)[0] };
+  }
+
+  /** Return a lap's figure at a point of a row: its mean, or how many laps were lost, or why there is none. */
+  function cell(row, column, point, lap = state.lap) {
     const laps = row.columns[column] && row.columns[column][point];
-    if (!laps) return { rank: 2, text: "–", title: "not applicable" };
+    if (!laps) return NONE;
     const found = laps[Math.min(lap, laps.length - 1)];
-    const [lost, episodes, first] = [found.lost, found.episodes, found.first_loss];
-    if (lost === episodes || found[figure] === null) {
-      return { rank: 1, text: "lost", title: `lost at ${first.toFixed(2)} s` };
+    const { all, shown } = figures(column, point);
+    const [lost, episodes, value] = [found.lost, found.episodes, found[shown]];
+    if (lost) {
+      const title = `${lost} of ${episodes} laps lost, the first at ${found.first_loss.toFixed(2)} s`;
+      return { rank: lost / episodes, text: lost === episodes ? "lost" : `${lost} of ${episodes} lost`, title };
     }
-    const value = (lost * board.limit + (episodes - lost) * found[figure]) / episodes;
-    const text = millimetres(value);
-    if (!lost) return { rank: 0, value, text, title: `${text} mm` };
-    const title = `${lost} of ${episodes} laps lost, the first at ${first.toFixed(2)} s; ${millimetres(found[figure])} mm without them`;
-    return { rank: 0, value, text: column === "unknown" && state.view === OVERVIEW ? text : `${lost} of ${episodes} lost: ${text}`, title };
+    if (value === null) return NONE;
+    return { rank: 0, value, text: amount(value, all[shown].unit), title: written(value, all[shown].unit), unit: all[shown].unit };
   }
 
   const millimetres = (metres) => (1000 * metres).toFixed(metres < 0.09995 ? 1 : 0);
+  const amount = (value, unit) => (unit === "m" ? millimetres(value) : value.toPrecision(3));
+  const written = (value, unit) => `${amount(value, unit)} ${unit === "m" ? "mm" : unit}`;
 
   /** Return the columns of the view: a heading and what a row has there. */
   function columns() {
     if (state.view === OVERVIEW) {
-      const found = [];
+      const found = [{ head: "rank", at: placed, plain: true }];
       if (board.columns.unknown) {
         found.push({ head: "unknown arms\nlost", at: lostShare, plain: true });
-        board.laps.forEach((lap, n) => found.push({ head: `unknown arms\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
-        board.laps.forEach((lap, n) => found.push({ head: `completed\n${lap} laps`, at: (row) => completed(row, n) }));
+        found.push({ head: "unknown arms\nmedian", at: (row) => quantile(row, "unknown", "median") });
+        found.push({ head: "unknown arms\n90th percentile", at: (row) => quantile(row, "unknown", "p90") });
       }
-      board.laps.forEach((lap, n) => {
-        found.push({ head: `nominal\n${lap}`, at: (row) => cell(row, "nominal", 0, n, "rms") });
-        found.push({ head: `${lap}\nafter 2 s`, at: (row) => cell(row, "nominal", 0, n, "rms_after_2s") });
-      });
-      board.laps.forEach((lap, n) => found.push({ head: `gap\n${lap}`, at: (row) => gap(row, n), plain: true }));
+      board.best.forEach(({ head, laps }, n) => laps.forEach((lap, k) => {
+        found.push({ head: `${head}\nover the plan, ${lap}`, at: (row) => over(row.over[n][k]), plain: true });
+      }));
       return found;
     }
     const column = board.columns[state.view];
     const unit = column.unit && column.unit !== "1" ? `\n${column.unit}` : "";
-    const values = state.view === "unknown" ? ["all 256 arms"] : column.values;
+    const values = column.sample ? ["all episodes"] : column.values;
     const found = values.map((value, n) => ({
       head: `${value}${unit}`, nominal: value === column.nominal, at: (row) => cell(row, state.view, n),
     }));
     return found.length > 1 ? [{ head: "whole\naxis", at: overall }, ...found] : found;
   }
 
-  /** Return what a row does along the whole axis of the view: at how many points the path is lost, else the largest error. */
+  /** Return what a row does along the whole axis of the view: at how many points a lap is lost, else the largest figure. */
   function overall(row) {
     const cells = board.columns[state.view].values.map((_, n) => cell(row, state.view, n)).filter((one) => one.rank < 2);
-    if (!cells.length) return { rank: 2, text: "–", title: "not applicable" };
+    if (!cells.length) return NONE;
     const kept = cells.filter((one) => !one.rank);
     const lost = cells.length - kept.length;
-    const value = Math.max(0, ...kept.map((one) => one.value));
-    if (lost) return { rank: lost / (cells.length + 1), value, text: `lost: ${lost}`, title: `lost at ${lost} of ${cells.length} points` };
-    return { rank: 0, value, text: millimetres(value), title: "largest error on the axis" };
+    if (lost) return { rank: lost / (cells.length + 1), text: `lost: ${lost}`, title: `laps are lost at ${lost} of ${cells.length} points` };
+    const worst = kept.reduce((most, one) => (one.value > most.value ? one : most));
+    return { ...worst, title: "largest on the axis" };
   }
 
-  /** Return the mean over the laps on unknown arms that were complete. */
-  function completed(row, lap) {
-    const found = row.columns.unknown && row.columns.unknown[0] && row.columns.unknown[0][lap];
-    if (!found || found.rms === null) return { rank: 2, text: "–", title: found ? "all lost" : "not applicable" };
-    return { rank: 0, value: found.rms, text: millimetres(found.rms), title: `mean of ${found.episodes - found.lost} of ${found.episodes} laps` };
+  function placed(row) {
+    return row.place === null ? { rank: 2, text: "–", title: "without a rank" } : { rank: 0, value: row.place, text: `${row.place}`, title: "rank" };
   }
 
-  function gap(row, lap) {
-    const value = row.gaps[lap];
-    return value === null ? { rank: 1, text: "lost", title: "no error" } : { rank: 0, value, text: value.toFixed(3), title: "0: best plan, 1: ifdc" };
+  /** Return a quantile of a whole column; infinite where too many laps are lost. */
+  function quantile(row, column, what) {
+    const whole = row.whole[column];
+    if (!whole) return NONE;
+    if (whole[what] === null) return { rank: 1, value: whole.lost / whole.episodes, text: "lost", title: `${whole.lost} of ${whole.episodes} lost` };
+    const unit = Object.values(board.tasks[board.columns[column].tasks[0]].figures)[0].unit;
+    return { rank: 0, value: whole[what], text: amount(whole[what], unit), title: written(whole[what], unit), unit };
+  }
+
+  function over(value) {
+    if (value === null) return { rank: 1, text: "lost", title: "no error" };
+    return { rank: 0, value, text: (1000 * value).toFixed(2), title: "error less that of the best plan known, in mm" };
   }
 
   // A half goes to the even digit, as in the pages' tables, which Python writes.
@@ -84,10 +95,11 @@
   }
 
   function lostShare(row) {
-    const laps = row.columns.unknown && row.columns.unknown[0];
-    if (!laps) return { rank: 2, text: "–", title: "not applicable" };
-    const [lost, all] = ["lost", "episodes"].map((name) => laps.reduce((sum, lap) => sum + lap[name], 0));
-    return { rank: 0, value: lost / all, text: `${percent(lost, all)} %`, title: `${lost} of ${all}` };
+    const whole = row.whole.unknown;
+    if (!whole) return NONE;
+    const [low, high] = whole.loss_interval.map((end) => (100 * end).toFixed(1));
+    const title = `${whole.lost} of ${whole.episodes}; with 95 % confidence ${low} to ${high} %`;
+    return { rank: 0, value: whole.lost / whole.episodes, text: `${percent(whole.lost, whole.episodes)} %`, title };
   }
 
   /** Return the rows that the filters leave, in the order that is asked for; privileged ones, without a rank, come last. */
@@ -99,7 +111,7 @@
     const sign = state.down ? -1 : 1;
     const column = shown[state.sort - 1];
     const byName = (a, b) => a.name.localeCompare(b.name);
-    const byRank = (a, b) => a.privileged - b.privileged;
+    const byRank = (a, b) => (a.place === null) - (b.place === null);
     if (!column) return left.sort((a, b) => sign * byName(a, b));
     const keys = new Map(left.map((row) => [row, column.at(row)]));
     return left.sort((a, b) => {
@@ -126,7 +138,7 @@
   }
 
   function line(row, shown) {
-    const name = element("th", { scope: "row", class: "fx-name" }, breakable(`${row.name}${row.privileged ? " *" : ""}`));
+    const name = element("th", { scope: "row", class: "fx-name" }, breakable(`${row.name}${row.privileged ? " *" : ""}${row.limited ? "" : " †"}`));
     const reads = element("div", { class: "fx-reads" }, row.reads.join(", ") || "reads nothing");
     name.append(reads);
     if (row.replay) {
@@ -134,7 +146,7 @@
     }
     const cells = shown.map((column) => {
       const one = column.at(row);
-      const tinted = one.rank === 0 && !column.plain ? heat(one.value) : null;
+      const tinted = one.rank === 0 && one.unit === "m" && !column.plain ? heat(one.value) : null;
       return element("td", { title: one.title, style: tinted, class: one.rank ? "fx-gone" : null }, one.text);
     });
     const mark = (on) => () => { state.marked = on ? row.name : null; marks(); };
@@ -163,11 +175,12 @@
   }
 
   function caption() {
-    const figure = state.view === OVERVIEW ? "" : `, ${FIGURES[state.figure]}`;
+    const marks = "*: reads the true state; †: without a limit of torque; both have no rank.";
+    if (state.view === OVERVIEW) return `Errors of the true tip in mm. A lost lap is infinite: "lost" where the quantile is. ${marks}`;
     const column = board.columns[state.view];
-    const nominal = column && column.values.includes(column.nominal) ? " The column with a bar on top is nominal." : "";
-    const distance = `Distance of the true tip from the reference in mm${state.figure === "maximum" && figure ? "" : " (r.m.s.)"}${figure}`;
-    return `${distance}; means count a lost lap as ${1000 * board.limit} mm, except those of completed laps; "lost": every lap. *: privileged, reads the true state.${nominal}`;
+    const { all, shown } = figures(state.view, 0);
+    const nominal = column.values.includes(column.nominal) ? " The column with a bar on top is nominal." : "";
+    return `${all[shown].text} [${all[shown].unit === "m" ? "mm" : all[shown].unit}], mean of the laps. ${marks}${nominal}`;
   }
 
   function marks() {
@@ -191,8 +204,9 @@
 
   /** Return the chart of the view's axis: the first rows of the table in colours and with their names, the others in grey. */
   function chart(found) {
+    if (state.view === OVERVIEW) return parallel(found);
     const column = board.columns[state.view];
-    if (!column || typeof column.values[0] !== "number") return [];
+    if (typeof column.values[0] !== "number" || figures(state.view, 0).all[figures(state.view, 0).shown].unit !== "m") return [];
     const width = Math.max(320, parts.chart.clientWidth);
     const [least, most] = [Math.min(...column.values), Math.max(...column.values)];
     const [low, high] = [ERRORS[0], ERRORS[ERRORS.length - 1]];
@@ -217,7 +231,7 @@
     picture.append(...curves.map((one) => one.group).reverse()); // the first rows on top
     label(curves.slice(0, LABELLED), right);
     label(curves.slice(LABELLED), right);
-    const names = `Labelled: the first ${Math.min(LABELLED, found.length)} rows of the table; point at another one to see it. ×: beyond this point the path is lost. Whole axis: at how many points the path is lost, else the largest error.`;
+    const names = `Labelled: the first ${Math.min(LABELLED, found.length)} rows of the table; point at another one to see it. ×: beyond this point laps are lost. Whole axis: at how many points laps are lost, else the largest error.`;
     return [picture, element("p", { class: "fx-hint" }, names)];
   }
 
@@ -225,7 +239,7 @@
   function curve(row, column, x, y, style) {
     const group = drawn("g", { "data-row": row.name, class: `fx-curve${style}` }, drawn("title", {}, row.name));
     const cells = column.values.map((_, n) => cell(row, state.view, n));
-    const lost = (n) => cells[n] && cells[n].rank === 1;
+    const lost = (n) => cells[n] && cells[n].rank > 0 && cells[n].rank < 2;
     let [path, last] = ["", null];
     cells.forEach((one, n) => {
       if (one.rank) return;
@@ -235,6 +249,10 @@
       else group.append(drawn("circle", { cx: at[0], cy: at[1], r: 2.2 }));
       last = at.map(Number);
     });
+    return finished(group, row, path, last);
+  }
+
+  function finished(group, row, path, last) {
     if (path) group.prepend(drawn("path", { d: path }));
     const mark = (name) => () => { state.marked = name; marks(); };
     group.addEventListener("mouseenter", mark(row.name));
@@ -242,12 +260,57 @@
     return { name: row.name, group, last };
   }
 
+  /** Return a plot of all columns beside each other: the 90th percentile of each, on a scale of its own; lost is on top. */
+  function parallel(found) {
+    const names = Object.keys(board.columns).filter((name) => found.some((row) => row.whole[name]));
+    if (names.length < 2) return [];
+    const width = Math.max(320, parts.chart.clientWidth);
+    const right = width - RIGHT;
+    const [tall, bottom, top] = [TALL + 60, 90, TOP + 26];
+    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${tall}`, role: "img", "aria-label": "90th percentile of the entries in every column; each column's table has the figures" });
+    picture.append(drawn("text", { x: LEFT - 8, y: TOP + 4, "text-anchor": "end" }, "lost"));
+    const axes = names.map((name, n) => {
+      const x = LEFT + (n / (names.length - 1)) * (right - LEFT);
+      const cells = new Map(found.map((row) => [row.name, quantile(row, name, "p90")]));
+      const values = [...cells.values()].filter((one) => one.rank === 0).map((one) => one.value);
+      const [low, high] = [Math.min(...values), Math.max(...values)];
+      const share = (value) => (high > low ? Math.log(value / low) / Math.log(high / low) : 0);
+      const y = (one) => (one.rank ? TOP : tall - bottom - share(one.value) * (tall - bottom - top));
+      picture.append(drawn("line", { class: "fx-axis", x1: x, x2: x, y1: TOP, y2: tall - bottom }));
+      const unit = Object.values(board.tasks[board.columns[name].tasks[0]].figures)[0].unit;
+      for (const [value, at] of values.length ? [[high, top - 4], [low, tall - bottom + 13]] : []) {
+        picture.append(drawn("text", { x, y: at, "text-anchor": "middle" }, amount(value, unit)));
+      }
+      const [tx, ty] = [x, tall - bottom + 26];
+      picture.append(drawn("text", { x: tx, y: ty, "text-anchor": "end", transform: `rotate(-30 ${tx} ${ty})` }, board.columns[name].title));
+      return { x, y, cells };
+    });
+    const curves = found.map((row, n) => {
+      const group = drawn("g", { "data-row": row.name, class: `fx-curve${n < LABELLED ? ` fx-curve-${n}` : ""}` }, drawn("title", {}, row.name));
+      let [path, last] = ["", null];
+      axes.forEach(({ x, y, cells }, k) => {
+        const one = cells.get(row.name);
+        if (one.rank === 2) return;
+        const gap = k === 0 || axes[k - 1].cells.get(row.name).rank === 2;
+        last = [x, y(one)];
+        path += `${gap ? "M" : "L"}${last[0].toFixed(1)} ${last[1].toFixed(1)}`;
+        group.append(drawn("circle", { cx: last[0], cy: last[1], r: 2.2 }));
+      });
+      return finished(group, row, path, last);
+    });
+    picture.append(...curves.map((one) => one.group).reverse());
+    label(curves.slice(0, LABELLED), right, tall - bottom);
+    label(curves.slice(LABELLED), right, tall - bottom);
+    const hint = "The 90th percentile of each column, the least and the largest written at its ends, logarithmic between; on top more than a tenth of the laps are lost. Labelled: the first rows of the table; point at another one to see it.";
+    return [picture, element("p", { class: "fx-hint" }, hint)];
+  }
+
   /** Write the names of lines into the margin, each beside its line's end, or as near as the others leave room. */
-  function label(curves, right) {
+  function label(curves, right, lowest = TALL - BOTTOM) {
     const named = curves.filter((one) => one.last).sort((a, b) => a.last[1] - b.last[1]);
     let free = TOP;
     const heights = named.map((one) => { free = Math.max(free, one.last[1]) + LINE; return free - LINE; });
-    let most = TALL - BOTTOM;
+    let most = lowest;
     for (let n = named.length - 1; n >= 0; n--) { heights[n] = Math.min(heights[n], most); most = heights[n] - LINE; }
     named.forEach(({ name, group, last }, n) => {
       group.append(drawn("path", { class: "fx-leader", d: `M${last[0] + 4} ${last[1]}L${right + 8} ${heights[n]}` }));
@@ -278,11 +341,12 @@
     search.addEventListener("input", () => { state.text = search.value; draw(); });
     const change = (name) => (value) => { state[name] = value; draw(); };
     parts.lap = choices("Lap", "board-lap", board.laps.map((lap, n) => [String(n), lap]), "0", (value) => change("lap")(Number(value)));
-    parts.figure = list("Figure", Object.entries(FIGURES), state.figure, change("figure"));
+    const titles = Object.values(board.tasks).flatMap((task) => Object.entries(task.figures).map(([name, one]) => [name, one.title]));
+    parts.figure = list("Figure", [...new Map(titles)], state.figure, change("figure"));
     parts.count = element("span", { class: "fx-hint", role: "status" });
     parts.chart = element("div");
     parts.table = element("table", { class: "fx-board" });
-    const turn = (value) => { state.view = value; state.sort = value === OVERVIEW ? 2 : 1; state.down = false; draw(); };
+    const turn = (value) => { state.view = value; state.sort = 1; state.down = false; draw(); };
     mount.replaceChildren(
       element(
         "div", { class: "fx-controls" },

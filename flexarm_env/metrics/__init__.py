@@ -22,7 +22,7 @@ from flexarm_env.metrics.errors import (
     tracking_error,
 )
 from flexarm_env.metrics.figures import CornerFigures, LapFigures
-from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures, optimality_gap
+from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures
 from flexarm_env.metrics.motion import elbow_changes, tip_acceleration, vibration
 from flexarm_env.metrics.rests import Rest, bending_moment, rests
 from flexarm_env.metrics.running import Instants, RunningFigures, contour_and_lag
@@ -47,7 +47,6 @@ __all__ = [
     "figures_of",
     "figures_so_far",
     "lap_figures",
-    "optimality_gap",
     "overshoot",
     "path_difference",
     "rests",

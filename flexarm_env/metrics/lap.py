@@ -1,4 +1,4 @@
-"""The figures of a whole lap, and how near the best known it is."""
+"""The figures of a whole lap."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from flexarm_env.metrics.motion import times_of_changes
 from flexarm_env.metrics.running import BAND, Instants, RunningFigures
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
-from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
 
@@ -79,23 +78,3 @@ def figures_of(
     )
     running.update(Instants(time, *(values[:, None] for values in pairs)))
     return running.figures(times_of_changes=times_of_changes(time, state[:, 1]).tolist())
-
-
-def optimality_gap(score: float, best: float, yardstick: float) -> float:
-    """Return where a score lies between the best one known, 0, and the yardstick, 1.
-
-    Args:
-        score: r.m.s. distance over the lap [m].
-        best: error of the best plan known (oracle) [m].
-        yardstick: error of IFDC [m]; larger than the best.
-
-    Returns:
-        (score - best) / (yardstick - best); above 1 for a score worse than the yardstick, below 0 for one better than
-        the best known.
-
-    Raises:
-        ValueError: if the yardstick is not above the best.
-    """
-    if not yardstick > best:
-        raise ValueError(f"yardstick = {shown(yardstick)}: must be larger than best = {shown(best)}")
-    return (score - best) / (yardstick - best)

@@ -14,11 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import counted, loss, nominal_errors
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, plain_ticks, write
 
-BOARD, RECORD = DOCS / "leaderboard.json", DOCS / "validation.json"
+RECORD = DOCS / "validation.json"
 LEADER = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1, "shrinkB": 4}
 ARROW = {"arrowstyle": "->", "color": SOFT}
 KINDS = {"reads the true state": SOFT, "controller": BLUE, "trained network": ORANGE}
@@ -38,7 +39,7 @@ RUNS = {
 
 def error_over_loss(path: Path) -> None:
     """Draw the mean error of the two nominal laps over the share of laps lost on unknown arms, for each entry."""
-    entries = [one for row in json.loads(BOARD.read_text())["rows"] if (one := _entry(row)) is not None]
+    entries = [one for row in json.loads(PUBLISHED.read_text())["rows"] if (one := _entry(row)) is not None]
     figure, axis = plt.subplots(figsize=(WIDTH, 5.4))
     axis.set_yscale("log")
     axis.set_xlim(-3.0, 100.0)
@@ -127,7 +128,7 @@ def distance_from_chain(path: Path) -> None:
 
 def payload(path: Path) -> None:
     """Draw some entries' errors over a payload of which they are not told, as far as no lap is lost."""
-    board = json.loads(BOARD.read_text())
+    board = json.loads(PUBLISHED.read_text())
     values = board["columns"]["payload"]["values"]
     figure, axis = plt.subplots(figsize=(WIDTH, 4.2))
     axis.set(yscale="log", xlim=(0.0, values[-1] + 0.02), ylim=(28.0, 450.0))

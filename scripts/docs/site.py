@@ -13,6 +13,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from flexarm_agents.board.measure import PUBLISHED, as_csv
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.docs import validation, widgets
@@ -32,8 +33,8 @@ def lay_out(pages: Path) -> None:
     """Write the site's sources."""
     shutil.rmtree(pages, ignore_errors=True)
     shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("__pycache__"))
-    board = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
-    shown = widgets.board_script(board, widgets.replay_names()), widgets.board_table(board), json.dumps(board)
+    board = json.loads(PUBLISHED.read_text(encoding="utf-8"))
+    shown = widgets.board_script(board, widgets.replay_names()), as_csv(board), json.dumps(board)
     for name, text in zip((widgets.BOARD, *widgets.BOARD_DATA), shown, strict=True):
         (pages / widgets.STATIC / name).write_text(text, encoding="utf-8")
     record = json.loads((DOCS / validation.RECORD).read_text(encoding="utf-8"))

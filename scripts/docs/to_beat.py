@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.documentation import table
 from flexarm_env.laps import LAPS
@@ -48,9 +49,9 @@ BY_ID: Mapping[str, OnBoard] = {
     ),
     "SquareDelayMedium-v0": OnBoard(
         "delay",
-        tuple(float(delay) for delay in range(0, 61, 5)),
+        tuple(float(delay) for delay in range(0, 61, 10)),
         ("lqg_adaptive", "nmpc_adaptive", "agent student_unknown", "agent filtered"),
-        "Laps with delays of 0, 5, ..., 60 ms.",
+        "Laps with delays of 0, 10, ..., 60 ms.",
     ),
     "Reach-v0": OnBoard("nominal", ("reach",), ("agent student_gauges", "agent square")),
     "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent square")),
@@ -60,7 +61,7 @@ BY_ID: Mapping[str, OnBoard] = {
 @cache
 def board() -> dict[str, Any]:
     """Read the leaderboard's data."""
-    found: dict[str, Any] = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads(PUBLISHED.read_text(encoding="utf-8"))
     return found
 
 

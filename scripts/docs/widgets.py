@@ -6,16 +6,14 @@ the repository sees; on the site it is shown to readers without JavaScript.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.summary import LIMIT, gap, nominal_errors
+from flexarm_agents.board.tables import best_of, place
 from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
 from flexarm_env.envs.registration import IDS
@@ -26,7 +24,6 @@ _PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
 _TABLE = re.compile(r"(<!-- generated: \w+ -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 _SPECIFICATION = re.compile(r"<!-- specification of ([\w-]+), ")
-_FIGURES = ("rms", "rms_after_2s", "maximum")
 STATIC = "docs/_static"  # within the site's sources
 BOARD = "board.js"
 FOLDED = "docs/leaderboard.md"  # page of long tables beside a widget
@@ -93,26 +90,6 @@ def with_folds(text: str) -> str:
     return _TABLE.sub(fold, text)
 
 
-def board_table(board: Mapping[str, Any]) -> str:
-    """Write the leaderboard's figures as CSV, a line for each row, point and lap; errors in m, times in s."""
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(("name", "axis", "value", "unit", "lap", "episodes", "lost", "first_loss", *_FIGURES))
-    writer.writerows(_lines(board))
-    return file.getvalue()
-
-
-def _lines(board: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
-    for row in board["rows"]:
-        for axis, measured in row["columns"].items():
-            column, points = board["columns"][axis], measured["points"]
-            values = column["values"] if len(points) > 1 else ("all",)  # plants that are drawn count together
-            for value, point in zip(values, points, strict=True):
-                for lap, found in zip(point or (), _point(point) or (), strict=False):
-                    figures = (found[one] for one in ("episodes", "lost", "first_loss", *_FIGURES))
-                    yield row["name"], axis, value, column["unit"], lap, *figures
-
-
 def replay_names() -> list[str]:
     """Return the names of the rows of which there are replays."""
     return [row["name"] for row in read(FOLDER / INDEX)[0]["rows"]]
@@ -120,36 +97,51 @@ def replay_names() -> list[str]:
 
 def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
     """Write what the leaderboard's page shows, as a script."""
-    read = {name for row in board["rows"] for name in row["reads"]}
+    read, best = {name for row in board["rows"] for name in row["reads"]}, list(best_of(board))
     data = {
         "laps": list(LAPS),
-        "limit": LIMIT,
         "readings": [name for name in READINGS if name in read],
         "replays": f"{Path(REPLAYS).name}.html",
-        "columns": board["columns"],
-        "rows": [_row(row, row["name"] in replayed) | {"gaps": _gaps(board, row)} for row in board["rows"]],
+        "tasks": board["tasks"],
+        "columns": {
+            name: column | {"sample": len(board["rows"][0]["columns"][name]["points"]) < len(column["values"])}
+            for name, column in board["columns"].items()
+        },
+        "best": [
+            {"head": f"{one.task} {board['tasks'][one.task]['figures'][one.figure]['title']}", "laps": list(one.values)}
+            for one in best
+        ],
+        "rows": [
+            _row(row, board) | {"replay": row["name"] in replayed, "over": [list(one.over(row, board)) for one in best]}
+            for row in board["rows"]
+        ],
     }
     return f"flexarm.board({json.dumps(data, allow_nan=False, separators=(',', ':'))});\n"
 
 
-def _row(row: Mapping[str, Any], replayed: bool) -> dict[str, Any]:
-    columns = {name: [_point(one) for one in column["points"]] for name, column in row["columns"].items()}
-    kept = {name: row[name] for name in ("name", "reads", "privileged")}
-    return {**kept, "replay": replayed, "columns": columns}
+def _row(row: Mapping[str, Any], board: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an entry's rank, its points' means, and of each column what all episodes together come to."""
+    rank = place(board, row["name"])
+    found: dict[str, Any] = {"name": row["name"], "reads": row["reads"], "privileged": row["privileged"]}
+    found |= {"limited": row["torque_limit"] is not None, "place": rank and rank[0], "columns": {}, "whole": {}}
+    for name, column in row["columns"].items():
+        tasks = board["columns"][name]["tasks"]
+        figures = [board["tasks"][task]["figures"] for task in tasks]
+        found["columns"][name] = [_point(*one) for one in zip(column["points"], figures, strict=False)]
+        if whole := column.get("whole"):
+            headline = whole[next(iter(figures[0]))] or {"median": None, "p90": None}
+            counts = {key: whole[key] for key in ("lost", "episodes", "loss_interval")}
+            found["whole"][name] = counts | {key: headline[key] for key in ("median", "p90")}
+    return found
 
 
-def _gaps(board: Mapping[str, Any], row: Mapping[str, Any]) -> list[float | None]:
-    """Return where each nominal lap's error lies between the best plan's and the yardstick's; None for a lost one."""
-    return [None if one is None else gap(board, lap, one["rms"]) for lap, one in nominal_errors(row).items()]
-
-
-def _point(point: Mapping[str, Any] | None) -> list[dict[str, Any]] | None:
+def _point(point: Mapping[str, Any] | None, figures: Iterable[str]) -> list[dict[str, Any]] | None:
     """Return the mean figures of a point's laps, and how many were lost; None where a row is not applicable."""
     if point is None or "not_applicable" in point:
         return None
     counts = ("lost", "episodes", "first_loss")
     return [
         {name: one[name] for name in counts}
-        | {name: None if one.get(name) is None else one[name]["mean"] for name in _FIGURES}
+        | {name: None if one.get(name) is None else one[name]["mean"] for name in figures}
         for one in point.values()
     ]

@@ -10,8 +10,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from flexarm_agents.board.columns import COLUMNS, measurable
-from flexarm_agents.board.measure import DATA, INCOMPLETE, write
-from flexarm_agents.board.summary import breaking
+from flexarm_agents.board.measure import DATA, INCOMPLETE, PUBLISHED, beside, published, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader
@@ -26,8 +25,7 @@ from scripts.leaderboard.pictures import draw
 from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
-    "heat_map.png": "Share of laps that each entry loses along each axis, or its mean error",
-    "delays.png": "Delays at which an entry loses no lap, and at which its error is at most doubled",
+    "heat_map.png": "Share of laps that each entry loses in each column, or its error",
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
@@ -45,16 +43,12 @@ def update_docs(folder: Path) -> None:
     for page in (DOCS / PAGE, DOCS.parent / "README.md"):
         page.write_text(filled(page.read_text(), tables))
         print(f"{page}: up to date")
-    shutil.copyfile(folder / DATA, DOCS / DATA)
+    shutil.copyfile(folder / DATA, PUBLISHED)
 
 
 def present(folder: Path) -> None:
     """Write the committed board's tables anew, and the pictures that need its figures only."""
-    results = json.loads((DOCS / DATA).read_text())
-    for row in results["rows"]:
-        for name, column in row["columns"].items():
-            if "breaking" in column:
-                column["breaking"] = breaking(COLUMNS[name], column["points"])
+    results = json.loads(PUBLISHED.read_text())
     shutil.rmtree(folder, ignore_errors=True)
     write(results, folder)
     draw(results, folder / "figures")
@@ -65,8 +59,8 @@ def check(given: argparse.Namespace) -> None:
     """Refuse to show less than the whole board on the page."""
     if not given.docs:
         return
-    if given.entries or tuple(given.columns) != tuple(COLUMNS):
-        raise ValueError("docs = True: the page shows the whole board; must go without entries and columns")
+    if given.entries or given.add or tuple(given.columns) != tuple(COLUMNS):
+        raise ValueError("docs = True: the page shows the whole board; must go without entries, add and columns")
     if left_out := measurable(COLUMNS)[1]:
         raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
     if not (given.times or (given.output / TIMES).is_file()):
@@ -77,10 +71,11 @@ def parser() -> Reader:
     """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
     made = parser_of_the_verb()
     made.prog = "python -m scripts.leaderboard"
+    made.set_defaults(columns=tuple(COLUMNS))
     timed = "time each entry on an idle machine; else the last times stay"
     made.add_argument("--times", action="store_true", help=timed)
     made.add_argument("--docs", action="store_true", help=f"bring docs/{PAGE}, its JSON and its pictures up to date")
-    only = f"make only the tables and the pictures of axes anew, from docs/{DATA}"
+    only = "make only the tables and pictures anew, from the committed data"
     made.add_argument("--no-measure", action="store_true", help=only)
     return made
 
@@ -98,7 +93,7 @@ def main() -> None:
             found = times(entries, bar.update)
         write_json(given.output / TIMES, found)
         write_text(given.output / "times.md", times_table(found))
-    draw(results, given.output / "figures")
+    draw(beside(results, published() or results) if given.add else results, given.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries")
     check_failures(failed, given.output, INCOMPLETE)

@@ -12,15 +12,15 @@ from flexarm_agents import Spread
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import DOCS, table
+from scripts.common.markdown import table
 from scripts.common.spreads import millimetres, spread_text
 
 Figures = Mapping[str, Any]  # by `TASKS` of the board and "unknown", then by lap
 Card = Mapping[str, Any]  # of a shipped agent
-PUBLISHED = DOCS / "leaderboard.json"
 MEASURED: dict[str, tuple[Point, ...]] = {
     **{str(point.value): (point,) for point in COLUMNS["nominal"].points if point.value in ("square", "chain")},
     "unknown": COLUMNS["unknown"].points,
@@ -70,7 +70,7 @@ def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]
         | {"unknown": row["columns"]["unknown"]["points"][0]}
         for row in board["rows"]
     }
-    return rows, board["references"]
+    return rows, board["tasks"]["square"]["best"]
 
 
 def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:

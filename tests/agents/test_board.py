@@ -12,11 +12,10 @@ import pytest
 from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
-from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
+from flexarm_agents.board.columns import COLUMNS, DRAWN, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
-from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
-from flexarm_agents.board.terms import FIRST_SEED, TASKS, interface_of
+from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
 from flexarm_agents.code_version import DATA, code_version
 from flexarm_agents.environments import INTERFACE
 from flexarm_agents.policies.load import policy_file
@@ -24,7 +23,6 @@ from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
-from flexarm_env.laps import LAPS
 from tests.support.boards import SHORT, SMALL, points
 from tests.support.refusals import refuses
 
@@ -99,8 +97,8 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
 
     def version(text: str) -> str:
         module.write_text(text)
-        for kept in (versions._closure, versions._imports, versions._is_module, versions._source_hash):
-            kept.cache_clear()
+        for cached in (versions._closure, versions._imports, versions._is_module, versions._source_hash):
+            cached.cache_clear()
         return code_version([module.stem])
 
     found = {name: version(text) for name, text in texts.items()}
@@ -135,7 +133,35 @@ def test_a_key_depends_on_the_bytes_of_a_policy_and_not_on_its_place(tmp_path: P
     assert Entry("ifdc").fingerprint["code"] != Entry("flsac").fingerprint["code"]
     own = Entry(f"{HERE}:Still").fingerprint
     assert own["attribute"] == f"{HERE}:Still"
-    assert Path(__file__).name in own  # a policy names its own data by `files`
+    assert own["files"] == versions.file_hash(Path(__file__))  # a policy names its own data by `files`
+
+
+def test_seeds_follow_from_the_policy_and_from_what_is_random(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No table from seeds, or first readings, to drawn arms fits the policy that carries it."""
+
+    def seeds(entry: Entry, point: Point) -> list[int]:
+        return [one.seed for one in point.seeded(entry.content)]
+
+    unknown = COLUMNS["unknown"].points[0]
+    mine, others = (seeds(Entry(name), unknown) for name in (AGENT, "ifdc"))
+    assert mine == seeds(Entry(AGENT, "another name"), unknown)
+    assert len({*mine, *others}) == len(mine) + len(others)
+    assert all(seed in SEEDS for seed in mine)
+    few, more, axis = ({"noise": x} for x in (0.0, 0.001, 0.002))
+    along = [seeds(Entry(AGENT), Point(0.0, options, seeds=range(2))) for options in (more, axis)]
+    assert along[0] == along[1] != seeds(Entry(AGENT), Point(0.0, {"jitter": 0.01}, seeds=range(2)))
+    assert seeds(Entry(AGENT), Point(0.0, few)) == seeds(Entry(AGENT), Point(0.0))  # one cell
+    monkeypatch.setattr("flexarm_agents.board.terms.BOARD", 3)
+    assert not {*mine} & {*seeds(Entry(AGENT), unknown)}
+
+
+def test_a_version_of_code_is_that_of_every_python() -> None:
+    """Python 3.12 has a list of type parameters, 3.13 writes no empty list: neither may count."""
+    newer, plain = versions.ast.parse("def f(x=None): return x"), versions.ast.parse("def f(x=None): return x")
+    newer.body[0].type_params = []  # type: ignore[attr-defined]
+    newer.body[0]._fields = (*plain.body[0]._fields, "type_params")  # type: ignore[misc]
+    assert versions._written(newer) == versions._written(plain)
+    assert versions._written(plain) != versions._written(versions.ast.parse("def f(x=0): return x"))
 
 
 # --- cells -----------------------------------------------------------------------------------------------------
@@ -148,9 +174,7 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     together = run_points(row, some)
     assert together == [run_points(row, [point])[0] for point in some]
     assert together[0] != together[1]
-    assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == [
-        (lap, FIRST_SEED + n) for lap in LAPS for n in range(2)
-    ]
+    assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == some[0].seeded(row.content)
 
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,45 +287,3 @@ def test_strain_gauges_keep_their_calibration_on_an_arm_with_other_shapes() -> N
     block = nominal.observation_blocks["modal_coordinates"]
     np.testing.assert_allclose(seen[block][:3] * nominal.observation_scale[block][:3], q, atol=1e-9)
     np.testing.assert_array_equal(seen[nominal.observation_blocks["previews"]], 0.5)
-
-
-# --- sums ------------------------------------------------------------------------------------------------------
-
-
-def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> dict[str, Any]:
-    figures = None if rms is None else {"rms": rms, "rms_after_2s": rms, "maximum": rms}
-    return {"lap": lap, "seed": 0, "ended": "truncated", "duration": duration, "figures": figures}
-
-
-def test_lost_episodes_are_counted_and_never_averaged() -> None:
-    found = lap_summary([episode(0.1), episode(0.3), episode(None, 2.5), episode(None, 1.5)])
-    assert (found["episodes"], found["lost"], found["first_loss"]) == (4, 2, 1.5)
-    assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3, "median": 0.3, "p90": None}
-    assert lap_summary([episode(None, 1.0)])["rms"] is None
-    assert point_summary(None) is None
-    assert point_summary({"not_applicable": "why"}) == {"not_applicable": "why"}
-
-
-def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
-    column = Column("factor", "1", tuple(Point(x) for x in (0.8, 0.9, 1.0, 1.1, 1.2)), 1.0)
-
-    def at(rms: float | None) -> Any:
-        return point_summary({"episodes": [episode(rms), episode(0.1, lap="swing")]})
-
-    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.21, None)])
-    nowhere = {"low": None, "high": None}
-    assert found["swing"] == {"lost": nowhere, "doubled": nowhere, "complete": None}
-    assert found["plain"] == {
-        "lost": {"low": 0.9, "high": 1.2},
-        "doubled": {"low": None, "high": 1.1},
-        "complete": None,
-    }
-    lost = breaking(column, [at(x) for x in (None, 0.1, None, 0.1, 0.3)])
-    assert lost["plain"] == {"lost": nowhere, "doubled": nowhere, "complete": [0.9, 1.1, 1.2]}
-
-
-def test_a_lost_lap_counts_as_the_error_at_which_it_is_lost() -> None:
-    laps = [lap_summary([episode(0.1), episode(0.3), episode(None), episode(None)]), lap_summary([episode(None)])]
-    assert counted(laps[:1]) == pytest.approx(0.25 * (0.1 + 0.3 + 2.5 + 2.5))
-    assert counted(laps) == pytest.approx(0.2 * (0.1 + 0.3 + 3 * 2.5))
-    assert loss(laps) == pytest.approx(0.6)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import nominal_errors
 from scripts.common.markdown import DOCS
 from scripts.docs import lap_pictures, motion_pictures, overview_pictures
@@ -18,7 +19,7 @@ from scripts.docs.drawn_arm import ARM, links, recorded, rigid
 from scripts.docs.pictures import PICTURES
 from tests.support.programs import ROOT
 
-ROWS = {row["name"]: row for row in json.loads((DOCS / "leaderboard.json").read_text())["rows"]}
+ROWS = {row["name"]: row for row in json.loads(PUBLISHED.read_text())["rows"]}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -84,7 +85,7 @@ def test_letters_are_large_enough_where_a_page_shows_them() -> None:
 
 
 def test_what_to_beat_is_what_the_board_measured() -> None:
-    plans = json.loads((DOCS / "leaderboard.json").read_text())["references"]
+    plans = json.loads(PUBLISHED.read_text())["tasks"]["square"]["best"]
     errors = nominal_errors(ROWS["agent square"])
     for one in (plans, errors):
         swing, plain = (1e3 * one[name]["rms"] for name in ("swing", "plain"))

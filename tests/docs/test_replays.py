@@ -13,14 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents.board.entries import Entry, all_entries
+from flexarm_agents.board.measure import PUBLISHED, as_csv
 from flexarm_agents.board.summary import nominal_errors
+from flexarm_agents.board.tables import has_rank
 from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
-from scripts.docs.widgets import WIDGETS, board_script, board_table, replay_names, with_folds, with_widgets
+from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_folds, with_widgets
 
-BOARD = json.loads((DOCS / "leaderboard.json").read_text())
+BOARD = json.loads(PUBLISHED.read_text())
+UNRANKED = sum(not has_rank(row) for row in BOARD["rows"])
 MOST_BYTES = 60_000  # of a file
 ARM = FlexibleArm()
 
@@ -86,7 +89,12 @@ def test_the_board_keeps_every_row_and_column() -> None:
     script = board_script(BOARD, ["lqg"])
     shown = json.loads(script[len("flexarm.board(") : script.rindex(")")])
     assert [row["name"] for row in shown["rows"]] == [row["name"] for row in BOARD["rows"]]
-    assert shown["columns"] == BOARD["columns"]
+    assert {name: column["values"] for name, column in shown["columns"].items()} == {
+        name: column["values"] for name, column in BOARD["columns"].items()
+    }
+    assert sorted(row["place"] for row in shown["rows"] if row["place"]) == [
+        *range(1, len(BOARD["rows"]) + 1 - UNRANKED)
+    ]
     assert [row["name"] for row in shown["rows"] if row["replay"]] == ["lqg"]
     for row, own in zip(BOARD["rows"], shown["rows"], strict=True):
         for name, column in row["columns"].items():
@@ -97,26 +105,24 @@ def test_the_board_keeps_every_row_and_column() -> None:
 
 
 def test_the_data_to_keep_have_every_figure_of_the_board() -> None:
-    lines = list(csv.DictReader(board_table(BOARD).splitlines()))
+    lines = list(csv.DictReader(as_csv(BOARD).splitlines()))
     points = [
-        (row["name"], axis, lap)
+        (row["name"], axis, lap, figure)
         for row in BOARD["rows"]
         for axis, column in row["columns"].items()
-        for point in column["points"]
+        for point, task in zip(column["points"], BOARD["columns"][axis]["tasks"], strict=False)
         if point is not None and "not_applicable" not in point
         for lap in point
+        for figure in BOARD["tasks"][task]["figures"]
     ]
-    assert [(line["name"], line["axis"], line["lap"]) for line in lines] == points
+    assert [tuple(line[name] for name in ("entry", "column", "lap", "figure")) for line in lines] == points
     lost = next(line for line in lines if line["lost"] == line["episodes"])
-    assert lost["rms"] == ""
+    assert lost["mean"] == lost["p90"] == ""
     assert float(lost["first_loss"]) >= 0.0
-    lqg = next(row for row in BOARD["rows"] if row["name"] == "lqg")["columns"]["payload"]["points"][3]["plain"]
-    (own,) = [
-        line
-        for line in lines
-        if [line[name] for name in ("name", "axis", "value", "lap")] == ["lqg", "payload", "0.3", "plain"]
-    ]
-    assert float(own["rms"]) == lqg["rms"]["mean"]
+    lqg = next(row for row in BOARD["rows"] if row["name"] == "lqg")["columns"]["payload"]["points"][1]["plain"]
+    where = ["lqg", "payload", "0.2", "plain", "rms"]
+    (own,) = [line for line in lines if [line[one] for one in ("entry", "column", "value", "lap", "figure")] == where]
+    assert float(own["median"]) == lqg["rms"]["median"]
 
 
 def test_long_tables_are_folded_and_named() -> None:

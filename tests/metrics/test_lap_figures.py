@@ -16,7 +16,6 @@ from flexarm_env.metrics import (
     directions,
     elbow_changes,
     lap_figures,
-    optimality_gap,
 )
 
 ARM = FlexibleArm(ArmParameters.paper())
@@ -195,12 +194,6 @@ def test_a_lap_that_begins_later_has_the_same_figures() -> None:
         for corner in found["corners"]:
             del corner["time"]
     compare(later, now)
-
-
-def test_the_optimality_gap() -> None:
-    assert optimality_gap(0.3, 0.1, 0.9) == pytest.approx(0.25)
-    with pytest.raises(ValueError, match=r"yardstick = 0\.1: must be larger than best = 0\.1"):
-        optimality_gap(0.3, 0.1, 0.1)
 
 
 def test_refusals() -> None:

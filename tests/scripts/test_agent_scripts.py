@@ -16,9 +16,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flexarm_agents import NetworkPolicy, config_of, shipped_policies
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
-from tests.support.programs import ROOT
 from tests.support.shell import Shell
 from tests.support.trainings import TINY as CONFIG
 from tests.support.trainings import score
@@ -93,7 +93,7 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert not laps["no torque"]["plain"]["complete"]
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
     assert {found[name]["environment"] for name in shipped} == {"FlexArm/Square-v0"}
-    board = {row["name"]: row for row in json.loads((ROOT / "docs" / "leaderboard.json").read_text())["rows"]}
+    board = {row["name"]: row for row in json.loads(PUBLISHED.read_text())["rows"]}
     for name in shipped:
         point = board[f"agent {name}"]["columns"]["nominal"]["points"][0]
         for lap in LAPS:

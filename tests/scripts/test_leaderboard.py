@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,20 +16,19 @@ from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.measure import delay_margins
-from flexarm_agents.board.summary import point_summary
-from flexarm_agents.board.tables import short_ranking, tables
+from flexarm_agents.board.figures import ERRORS
+from flexarm_agents.board.summary import point_summary, whole_summary
+from flexarm_agents.board.tables import place, short_ranking, tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands import leaderboard as verb
 from flexarm_agents.jobs.executors import executor
-from flexarm_env import FlexibleArm, SensorParameters
-from flexarm_env.analysis import delay_margin, law_loop
 from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard import pictures
 from tests.support.boards import SHORT, SMALL, files, leaves
 from tests.support.refusals import refuses
 
+LIMITS = [150.0, 50.0]
 PAYLOADS = (0.0, 0.2, 0.4)
 TINY = {"payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0)}
 ROWS = [Entry("square", "agent"), Entry("square", "again", options={"last_actions": 1})]
@@ -104,7 +102,7 @@ def test_the_page_shows_the_whole_board(tmp_path: Path) -> None:
     read = study.parser().parse_args
     study.check(read(["--entries", "lqg"]))
     study.check(read(["--docs", "--times"]))
-    with refuses(ValueError, "docs = True", "must go without entries and columns"):
+    with refuses(ValueError, "docs = True", "must go without entries, add and columns"):
         study.check(read(["--docs", "--times", "--columns", "nominal"]))
     with refuses(ValueError, "docs = True", "must go with times"):
         study.check(read(["--docs", "--output", str(tmp_path)]))
@@ -117,55 +115,80 @@ def test_only_submitit_has_parameters(tmp_path: Path) -> None:
         executor("processes", 0, tmp_path)
 
 
-def lap(rms: float | None) -> dict[str, Any]:
-    figure = None if rms is None else {"mean": rms, "least": rms, "most": rms}
-    lost = {"episodes": 1, "lost": int(rms is None), "first_loss": 1.5 if rms is None else None}
-    return {**lost, "rms": figure, "rms_after_2s": figure, "maximum": figure}
-
-
-NOWHERE = {"low": None, "high": None}
-BREAKING = {
-    "swing": {"doubled": {"low": None, "high": 0.3}, "lost": {"low": 0.1, "high": 0.7}, "complete": None},
-    "plain": {"doubled": NOWHERE, "lost": NOWHERE, "complete": None},
-}
-
-
-def row(name: str, swing: float | None, plain: float | None, privileged: bool = False) -> dict[str, Any]:
-    point = {"swing": lap(swing), "plain": lap(plain)}
-    others = [point, {"not_applicable": "no plan"}, {"all": lap(0.1) | {"success": 0.5}}, point]
+def row(name: str, swing: float | None, plain: float | None, limit: list[float] | None = LIMITS) -> dict[str, Any]:
+    """Return an entry whose unknown arms are ten times its two laps."""
+    episodes = [
+        {"lap": lap, "duration": 1.5, "figures": None if rms is None else dict.fromkeys(ERRORS, rms)}
+        for lap, rms in (("swing", swing), ("plain", plain))
+    ]
+    point, absent = point_summary({"episodes": episodes}), {"not_applicable": "no plan"}
+    moves = point_summary(
+        {"episodes": [{"lap": None, "duration": 16.0, "figures": dict.fromkeys(ERRORS, 0.1), "success": 1}]}
+    )
+    unknown = COLUMNS["unknown"]
+    whole = whole_summary(unknown, [{"episodes": 10 * episodes}, *[{"episodes": []}] * (len(unknown.points) - 1)])
     return {
         "name": name,
+        "source": name,
+        "action": "torque",
+        "torque_limit": limit,
         "reads": ["encoders"],
-        "privileged": privileged,
+        "privileged": False,
         "columns": {
-            "nominal": {"points": [point, others[1], others[2], point]},
-            "payload": {"points": [point] * 11, "breaking": BREAKING},
-            "unknown": {"points": [point]},
+            "nominal": {"points": [point, absent, moves, point]},
+            "payload": {"points": [point] * 6, "kept": [0.0, 0.2] if swing else []},
+            "unknown": {"points": [point], "whole": whole},
         },
     }
 
 
-def test_tables_rank_by_error_and_show_losses_first() -> None:
-    rows = [row("ifdc", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, privileged=True)]
-    rows[0]["columns"]["payload"]["breaking"] = dict.fromkeys(("swing", "plain"), BREAKING["plain"])
-    rows[1]["columns"]["payload"]["breaking"] = {lap: {"complete": [0.2, 0.3, 0.7]} for lap in ("swing", "plain")}
-    references = {name: {"rms": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
-    columns = {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")}
-    board = measuring.board(rows, columns) | {"references": references}
-    assert board["board"] == BOARD
-    found = tables(board)
-    lines = found["ranking"].splitlines()[2:]
-    assert [line.split("|")[1].strip() for line in lines] == ["ifdc", "lost", "*Without a rank:*", "best\\*"]
-    assert "| 0.013 / 0.000 |" in lines[3]
-    assert "| 1.000 / 1.000 |" in lines[0]
-    assert lines[1].startswith("| lost | 50.0 % | 2500 / 10.0 | - / 10.0 | lost | 10.0 / 10.0 | - / -0.015 |")
-    assert "not applicable | 100, 50 %" in found["nominal"]
+@pytest.fixture
+def small() -> dict[str, Any]:
+    rows = [row("slow", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, None)]
+    rows.append(row("race", 0.1, 0.1))
+    for measured in rows[-1]["columns"].values():
+        measured.pop("whole", None)
+        measured["points"] = [{"not_applicable": "another action"}] * len(measured["points"])
+    return measuring.board(rows, {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")})
+
+
+def test_tables_rank_by_losses_and_quantiles_on_unknown_arms(small: dict[str, Any]) -> None:
+    best = {name: {"rms": rms, "rms_after_2s": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
+    small["tasks"]["square"]["best"] = best
+    found = tables(small)
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found["ranking"].splitlines()[2:]]
+    assert [line[:2] for line in lines] == [["1", "slow"], ["2", "lost"], ["", "*Without a rank:*"], ["", "best†"]]
+    assert lines[0][2:6] == ["0.0 % (0.0 to 16.8)", "700", "800", "+750 / +680"]
+    # half of them are lost: the median is the largest of the others, the 90th percentile infinite
+    assert lines[1][2:6] == ["50.0 % (27.2 to 72.8)", "10.0", "lost", "lost / -10.0"]
+    assert place(small, "lost") == (2, 2)
+    assert place(small, "best") is None
+    assert "not applicable | 100, 100 %" in found["nominal"]
     assert "lost at 1.5 s / 10.0" in found["axis_payload"]
+    assert not any("race" in found[name] for name in ("ranking", "nominal", "axis_payload", "robustness"))
     holds = [line.split("|")[2].strip() for line in found["robustness"].splitlines()]
-    assert holds == ["Payload, 0 to 1 kg", "---", "all", "none", "0.2 to 0.6 (0.2)"]
-    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
-    few = short_ranking(board, ("lost", "ifdc")).splitlines()
-    assert few[2:] == ["| ifdc | 0.0 % | 750 | 800 | 700 |", "| lost | 50.0 % | 1255 | lost | 10.0 |"]
+    assert holds == ["Payload, 0 to 1 kg", "---", "0 to 0.2", "none", "0 to 0.2"]
+    few = short_ranking(small, ("lost", "slow")).splitlines()
+    assert few[3] == "| lost | 50.0 % (27.2 to 72.8) | 10.0 | lost | lost | 10.0 |"
+
+
+def test_ones_own_entry_stands_among_the_shipped_ones(small: dict[str, Any]) -> None:
+    columns = {name: COLUMNS[name] for name in ("nominal", "unknown")}
+    mine = measuring.board([row("mine", 0.5, 0.4), row("slow", 0.3, 0.2)], columns)
+    board = measuring.beside(mine, small)
+    assert place(board, "slow") == (1, 3)  # as it was measured now
+    assert place(board, "mine") == (2, 3)
+    assert set(board["columns"]) == set(columns)
+
+
+def test_data_are_as_the_schema_says(small: dict[str, Any]) -> None:
+    schema = json.loads(measuring.PUBLISHED.with_suffix(".schema.json").read_text())
+    check = pytest.importorskip("jsonschema").Draft202012Validator(schema)
+    check.check_schema(schema)
+    for board in (small, json.loads(measuring.PUBLISHED.read_text())):
+        check.validate(board)
+    small["rows"][0]["columns"]["unknown"]["whole"]["rms"]["p90"] = "lost"
+    assert not check.is_valid(small)
 
 
 def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,27 +197,18 @@ def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkey
     blocks = "".join(f"<!-- generated: {name} -->\nold\n<!-- end -->\n" for name in ("ranking", "times"))
     (docs / study.PAGE).write_text(blocks)
     (tmp_path / "README.md").write_text("")
-    shutil.copyfile(DOCS / measuring.DATA, docs / measuring.DATA)
+    before = measuring.PUBLISHED.read_text()
     monkeypatch.setattr(study, "DOCS", docs)
     study.present(tmp_path / "presented")
     page = (docs / study.PAGE).read_text()
-    assert "| lqg | 48.8 % |" in page
+    assert "| lqg | " in page
     assert page.endswith("<!-- generated: times -->\nold\n<!-- end -->\n")
-    assert {path.name for path in (docs / "figures" / "leaderboard").iterdir()} == {"heat_map.png", "delays.png"}
-    assert (docs / measuring.DATA).read_text() == (DOCS / measuring.DATA).read_text()
-
-
-def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
-    found = {row.name: delay_margins(row) for row in all_entries(()) if row.name.startswith("ifdc")}
-    assert found["ifdc"] is None  # its law acts on the joints
-    sensor = SensorParameters(delay=0.03)
-    exact = delay_margin(law_loop(FlexibleArm(), (-6.3, -6.3), sensor)).delay
-    assert found["ifdc_late"]["least"] <= exact <= found["ifdc_late"]["most"]
-    assert found["ifdc_late_rates"]["most"] < 1e-3 < 0.1 < found["ifdc_late"]["least"]
+    assert {path.name for path in (docs / "figures" / "leaderboard").iterdir()} == {"heat_map.png"}
+    assert measuring.PUBLISHED.read_text() == before
 
 
 def test_a_board_without_an_axis_has_no_picture(tmp_path: Path) -> None:
-    pictures.draw(measuring.board([row("ifdc", 0.1, 0.2, False)], {"nominal": COLUMNS["nominal"]}), tmp_path)
+    pictures.draw(measuring.board([row("ifdc", 0.1, 0.2)], {"nominal": COLUMNS["nominal"]}), tmp_path)
     assert not list(tmp_path.iterdir())
 
 
@@ -211,9 +225,7 @@ def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> Non
 
 @pytest.fixture(scope="module")
 def committed() -> dict[str, dict[str, Any]]:
-    if not (DOCS / measuring.DATA).is_file():
-        pytest.skip("the board has no page yet: make leaderboard ARGS='--docs --times'")
-    board = json.loads((DOCS / measuring.DATA).read_text())
+    board = json.loads(measuring.PUBLISHED.read_text())
     assert board["board"] == BOARD
     return {row["name"]: row for row in board["rows"]}
 
@@ -235,8 +247,8 @@ def test_the_committed_board_is_computed_again_to_its_digits(
     expected = dict(leaves(committed[name]["columns"]["nominal"]["points"][:2]))
     assert found.keys() == expected.keys()
     assert len(expected) > 30
-    for place, figure in expected.items():
-        assert found[place] == (pytest.approx(figure, rel=0.0, abs=tolerance) if isinstance(figure, float) else figure)
+    for where, figure in expected.items():
+        assert found[where] == (pytest.approx(figure, rel=0.0, abs=tolerance) if isinstance(figure, float) else figure)
 
 
 # --- the verb -------------------------------------------------------------------------------------------------------
@@ -263,6 +275,7 @@ def test_added_rows_are_wanted_beside_those_that_are_named() -> None:
     rows = measuring.chosen_entries(["ifdc"], (), ["tests.support.boards:Nobody"])
     assert [row.name for row in rows] == ["ifdc", "tests.support.boards:Nobody"]
     assert [row.name for row in measuring.chosen_entries(["ifdc", "lqg"], ["lqg"])] == ["ifdc"]
+    assert [row.name for row in measuring.chosen_entries([], (), ["tests.support.boards:Nobody"])] == [rows[-1].name]
 
 
 def test_the_chain_is_left_out_where_its_engine_is_absent(

@@ -1,0 +1,78 @@
+"""The board: what episodes add up to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from flexarm_agents.board.columns import Column, Point
+from flexarm_agents.board.summary import (
+    counted,
+    kept,
+    lap_summary,
+    loss,
+    loss_interval,
+    point_summary,
+    quantile,
+    whole_summary,
+)
+
+
+def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> dict[str, Any]:
+    figures = None if rms is None else {"rms": rms, "rms_after_2s": rms, "maximum": rms}
+    return {"lap": lap, "seed": 0, "ended": "truncated", "duration": duration, "figures": figures}
+
+
+def test_lost_episodes_are_counted_and_never_averaged() -> None:
+    found = lap_summary([episode(0.1), episode(0.3), episode(None, 2.5), episode(None, 1.5)])
+    assert (found["episodes"], found["lost"], found["first_loss"]) == (4, 2, 1.5)
+    assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3, "median": 0.3, "p90": None}
+    assert lap_summary([episode(None, 1.0)])["rms"] is None
+    assert point_summary(None) is None
+    assert point_summary({"not_applicable": "why"}) == {"not_applicable": "why"}
+
+
+def test_an_axis_is_kept_as_far_as_no_lap_is_lost_on_either_side() -> None:
+    column = Column("factor", "1", tuple(Point(x) for x in (0.8, 0.9, 1.0, 1.1, 1.2)), 1.0)
+
+    def along(*errors: float | None) -> list[float]:
+        return kept(column, [point_summary({"episodes": [episode(x), episode(0.1, lap="swing")]}) for x in errors])
+
+    assert along(0.1, 0.1, 0.1, 0.9, 0.1) == [0.8, 0.9, 1.0, 1.1, 1.2]
+    assert along(0.1, None, 0.1, 0.2, None) == [1.0, 1.1]
+    assert along(0.1, 0.1, None, 0.1, 0.1) == []
+    assert kept(column, [{"not_applicable": "why"}] * 5) == []
+
+
+def test_quantiles_take_lost_episodes_as_infinite_and_invent_no_value() -> None:
+    values: list[float | None] = [0.3, 0.1, None, 0.2, None, 0.5, 0.4, 0.6, 0.7, 0.8]
+    assert quantile(values, 0.5) == 0.5  # the fifth of ten: half of them lie at or below it
+    assert quantile(values, 0.8) == 0.8
+    assert quantile(values, 0.9) is None
+    assert quantile([None], 0.5) is None
+    column = Column("sample", "", (Point("a"), Point("b")), sample=True)
+    found = whole_summary(column, [{"episodes": [episode(x) for x in half]} for half in (values[:5], values[5:])])
+    assert found is not None
+    assert (found["lost"], found["rms"]["median"], found["rms"]["p90"]) == (2, 0.5, None)
+    assert whole_summary(column, [{"episodes": [episode(0.1)]}, None]) is None
+
+
+@given(episodes=st.integers(1, 300), share=st.floats(0.0, 1.0))
+def test_the_interval_of_a_loss_rate_is_that_of_clopper_and_pearson(episodes: int, share: float) -> None:
+    """At each end, the losses that were seen or more (less) have a probability of 2.5 %."""
+    lost = round(share * episodes)
+    low, high = loss_interval(lost, episodes)
+    assert low <= lost / episodes <= high
+    assert low == 0.0 if lost == 0 else binom.sf(lost - 1, episodes, low) == pytest.approx(0.025, rel=1e-6)
+    assert high == 1.0 if lost == episodes else binom.cdf(lost, episodes, high) == pytest.approx(0.025, rel=1e-6)
+
+
+def test_a_lost_lap_counts_as_the_error_at_which_it_is_lost() -> None:
+    laps = [lap_summary([episode(0.1), episode(0.3), episode(None), episode(None)]), lap_summary([episode(None)])]
+    assert counted(laps[:1]) == pytest.approx(0.25 * (0.1 + 0.3 + 2.5 + 2.5))
+    assert counted(laps) == pytest.approx(0.2 * (0.1 + 0.3 + 3 * 2.5))
+    assert loss(laps) == pytest.approx(0.6)
