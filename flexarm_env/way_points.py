@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.physics.paths import FARTHEST, LARGEST_TIME, ReferencePath, sides_of
+from flexarm_env.physics.paths import FARTHEST, LARGEST_TIME, ReferencePath, parabolas, sides_of
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -75,8 +75,8 @@ def sampled(function: Callable[[float], ArrayLike], duration: float, period: flo
 def blended(table: ArrayLike, blend: float, period: float = 0.01) -> Array:
     """Round a path's corners: a constant acceleration leads from each side's velocity to the next one's.
 
-    The acceleration begins half of `blend` before a corner and ends as much after it (linear segments with parabolic
-    blends: Craig, *Introduction to Robotics*, ch. 7), so that times do not change and corners are cut.
+    The acceleration begins half of `blend` before a corner and ends as much after it (`physics.paths.parabolas`), so
+    that times do not change and corners are cut. The option `corner_time` does the same to an environment's path.
 
     Args:
         table: time [s], x, y [m], as from `at_speeds`. A path that ends where it began is closed, and its first corner
@@ -91,22 +91,9 @@ def blended(table: ArrayLike, blend: float, period: float = 0.01) -> Array:
         ValueError: for a bad table, or accelerations that overlap.
     """
     path = ReferencePath(table)
-    sides = np.diff(path.table, axis=0)
-    blend = number("blend", blend, "s", least=0.0, most=float(sides[:, 0].min()))
-    velocities = sides[:, 1:] / sides[:, :1]
-    closed = bool(np.all(path.table[0, 1:] == path.table[-1, 1:]))
-    corners = path.table[:-1, 0] if closed else path.table[1:-1, 0]
-    turns = velocities - np.roll(velocities, 1, axis=0) if closed else np.diff(velocities, axis=0)
+    blend = number("blend", blend, "s", least=0.0, most=float(np.diff(path.table[:, 0]).min()))
     times = _times(path.lap_time, period)
-    points = path.position(np.minimum(times, np.nextafter(path.lap_time, 0.0)))
-    for corner, turn in zip(corners, turns, strict=True):
-        since = times - corner
-        if closed:  # the first corner is also the last one
-            since = since - path.lap_time * np.round(since / path.lap_time)
-        left = np.maximum(0.5 * blend - np.abs(since), 0.0)  # of the acceleration, on either side of the corner
-        points += turn * (0.5 * left[:, None] ** 2 / max(blend, 1e-300))
-    points[-1] = points[0] if closed else path.table[-1, 1:]
-    return np.column_stack([times, points])
+    return np.column_stack([times, parabolas(path, blend, times)])
 
 
 def _times(duration: float, period: float) -> Array:

@@ -169,6 +169,7 @@ COLUMNS: dict[str, Column] = {
         "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 7), scale=1e-3), 0.0
     ),
     "model": Column("Model", "", tuple(_models()), "3 shapes"),
+    "smooth": Column("Smooth square", "", (Point("smooth", task="smooth"),), "smooth"),
     "carry": Column(
         "Carry",
         "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 from flexarm_agents.board import carry
@@ -69,6 +70,7 @@ TASKS: dict[str, BoardTask] = {
     "track": BoardTask(options=IDS["Track-v0"].options),
     "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
     "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
+    "smooth": BoardTask(options=IDS["SmoothSquare-v0"].options, best=partial(best_plans, "default_smooth")),
     "carry": BoardTask("FlexArm/Carry-v0", task_options("Carry-v0"), figures=carry.FIGURES, measure=carry.of_rests),
 }
 

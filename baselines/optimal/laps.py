@@ -14,7 +14,7 @@ from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Sol
 from flexarm_baselines.optimal.starts import Branch, along, both_sides
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
-from flexarm_env.physics.paths import PATHS
+from flexarm_env.physics.paths import PATHS, rounded
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import rest_state
 from flexarm_env.validation import choice, instance, integer, number
@@ -33,7 +33,12 @@ def lap_square(lap: str | SquareParameters) -> SquareParameters:
 
 
 def lap_problem(
-    arm: FlexibleArm, lap: str | SquareParameters, period: float = 0.01, path: str = "square", **changes: Any
+    arm: FlexibleArm,
+    lap: str | SquareParameters,
+    period: float = 0.01,
+    path: str = "square",
+    corner_time: float = 0.0,
+    **changes: Any,
 ) -> TrackingProblem:
     """Return the problem of one lap from rest at its first point.
 
@@ -42,14 +47,15 @@ def lap_problem(
         lap: "swing", "plain", or any square.
         period: control period [s]; the lap must be a whole number of them.
         path: name of the reference (`flexarm_env.physics.paths.PATHS`); its size, time and direction are the square's.
+        corner_time: over which its corners are blended [s] (`flexarm_env.physics.paths.rounded`).
         **changes: further fields of `TrackingProblem`; `OPTIONS` are those that differ from its defaults.
 
     Raises:
-        ValueError: for another name, a path out of reach, or a lap of no whole number of periods.
+        ValueError: for another name, a path out of reach, corners that overlap, or a lap of no whole number of periods.
     """
     instance("arm", arm, FlexibleArm)
     task = lap_square(lap)
-    way = PATHS[choice("path", path, tuple(PATHS))](task)
+    way = rounded(PATHS[choice("path", path, tuple(PATHS))](task), number("corner_time", corner_time, "s", least=0.0))
     way.check_reach(arm.parameters)
     number("period", period, "s", above=0.0)
     count = round(task.lap_time / period)
@@ -83,7 +89,7 @@ def plan_lap(
         options: of the solver, for the best start.
         trial: iterations of each start.
         progress: called after each iteration.
-        **changes: further arguments of `lap_problem`: `period`, `path`, fields of `TrackingProblem`.
+        **changes: further arguments of `lap_problem`: `period`, `path`, `corner_time`, fields of `TrackingProblem`.
 
     Returns:
         The best plan found; `notes["starts"]` has the cost that each start came to in its trial, None if it diverged.

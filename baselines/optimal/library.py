@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names
+from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names, plan_task
 from flexarm_env.parameters import ArmParameters
 
 SAME = 1e-6  # [m]; references that are nowhere farther apart are the same
@@ -47,9 +47,9 @@ def plans_for(
     """
     found = []
     for name in plan_names():
-        plan = _loaded(name)
-        fits = plan.parameters == arm and abs(plan.period - period) < 1e-12 and np.allclose(plan.limits, limits)
-        moved = moved_onto(plan, reference) if fits and plan.reference.shape == reference.shape else None
+        parameters, own_limits, own_period, way = _task_of(name)
+        fits = parameters == arm and abs(own_period - period) < 1e-12 and np.allclose(own_limits, limits)
+        moved = moved_onto(_loaded(name), reference) if fits and way.shape == reference.shape else None
         if moved is not None:
             found.append((name, moved))
     return tuple(found)
@@ -64,4 +64,4 @@ def moved_onto(plan: Plan, reference: Floats) -> Plan | None:
     return None
 
 
-_loaded = cache(load_plan)
+_loaded, _task_of = cache(load_plan), cache(plan_task)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -141,8 +141,13 @@ class Plan:
         """1 in periods in which the payload is the arm's or the episode's, else 0. Shape (n,)."""
         return np.ones(len(self.torques)) if self.payloads is None else np.isnan(self.payloads).astype(float)
 
-    def save(self, path: str | Path) -> None:
-        """Write an npz file: arrays, and the rest as JSON text."""
+    def save(self, path: str | Path, run: bool = True) -> None:
+        """Write an npz file: arrays, and the rest as JSON text.
+
+        Args:
+            path: path of the file.
+            run: write the states; otherwise the first one, from which `load` runs the torques again.
+        """
         if self.payloads is not None:
             raise ValueError("payloads: a plan with changes of the payload has no file")
         head = {
@@ -152,7 +157,8 @@ class Plan:
             "step": self.step,
             "notes": self.notes,
         }
-        archive.write(path, _FORMAT, head, {name: getattr(self, name) for name in _ARRAYS})
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        archive.write(path, _FORMAT, head, arrays if run else {**arrays, "states": self.states[:1]})
 
     @classmethod
     def load(cls, path: str | Path) -> Plan:
@@ -168,8 +174,11 @@ class Plan:
     def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> Plan:
         parameters = ArmParameters(**mapping("parameters", head["parameters"]))
         states, torques, reference = (arrays[name] for name in _ARRAYS)
-        limits = tuple(head["limits"])
-        return cls(parameters, states, torques, reference, limits, head["period"], head["step"], head["notes"])
+        given = tuple(head["limits"]), head["period"], head["step"], head["notes"]
+        if len(states) > 1 or not len(torques):
+            return cls(parameters, states, torques, reference, *given)
+        rest = cls(parameters, np.tile(states, (len(torques) + 1, 1)), torques, reference, *given)  # checks its values
+        return replace(rest, states=rest.replay().states)
 
 
 def _check_entries(head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
@@ -184,6 +193,22 @@ def _check_entries(head: dict[str, Any], entries: Mapping[str, archive.Entry]) -
 def plan_names() -> tuple[str, ...]:
     """Return the names of the plans that come with the package."""
     return tuple(sorted(path.stem for path in PLANS.glob("*.npz")))
+
+
+def plan_task(name: str) -> tuple[ArmParameters, tuple[float, float], float, Floats]:
+    """Return arm, limits [N m], period [s] and reference [m] of a plan of the package, without its run."""
+    return archive.read(
+        PLANS / f"{name}.npz",
+        _FORMAT,
+        "Plan",
+        _check_entries,
+        lambda head, own: (
+            ArmParameters(**head["parameters"]),
+            tuple(head["limits"]),
+            head["period"],
+            own["reference"],
+        ),
+    )
 
 
 def load_plan(name: str) -> Plan:

@@ -74,6 +74,10 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
         lambda s: lap_of(s.waypoints) in (None, s.lap_time),
         "with way-points without times; otherwise the last one's time is the lap time",
     ),
+    "corner_time": (
+        lambda s: s.reference not in (("moves",), ("drawn",), ("target",)),
+        "with a named path or way-points, not with 'moves', 'drawn' or 'target'",
+    ),
     **dict.fromkeys(("side", "start_corner", "direction"), (on_a_named_path, NAMED)),
     **dict.fromkeys(
         ("compensation", "delayed"), (lambda s: s.feedback_source == "sensor", "with feedback_source = 'sensor'")

@@ -72,6 +72,7 @@ class EnvOptions(TypedDict, total=False):
     waypoints: Any
     side: float
     lap_time: float
+    corner_time: float
     start_corner: Corner
     direction: str
     elbow_branch: str

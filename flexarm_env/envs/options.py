@@ -179,6 +179,12 @@ class Options(MotionOptions):
         12.6, "side of the square, or of the square around another path", allowed_of(SquareParameters, "side")
     )
     lap_time: float = _option(16.0, "duration of a lap", allowed_of(SquareParameters, "lap_time"))
+    corner_time: float = _option(
+        0.0,
+        "time over which each corner of the path is blended: the reference is the path's mean over it, at most the "
+        "time of the shortest side; 0: sharp corners",
+        Number(0.0, 1e5, "s"),
+    )
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
     direction: str = _own(
         "clockwise", 'direction of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER))

@@ -112,6 +112,14 @@ IDS: dict[str, Id] = {
         "the encoders they give the whole state. `SquareUnknown-v0` and the ids `SquareDelay...` have none. "
         "Each episode draws the side of the elbow, so an agent meets both laps of the score.",
     ),
+    "SmoothSquare-v0": Id(
+        _LAP,
+        {"corner_time": 0.4},
+        "Follow the square with corners blended over 0.4 s",
+        "The square that the arm can follow. At a sharp corner the best known lap is 14 cm off, whatever its "
+        "controller: the shoulder's torque limits it. Blended over 0.4 s a corner asks for 11 m/s², and the best known "
+        "lap errs by less than 0.05 mm after 2 s. What a controller errs by is then its own.",
+    ),
     "SquareResidual-v0": Id(
         _LAP,
         {"action_mode": "residual"},

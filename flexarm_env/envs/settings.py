@@ -24,7 +24,7 @@ from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
-from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
+from flexarm_env.physics.paths import PATHS, ReferencePath, rounded, way_points
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.stability import (
     Integration,
@@ -207,7 +207,8 @@ class Settings(Options):
         """Make one of `paths`."""
         turn, n = divmod(index, len(self.reference))
         name, task = self.reference[n], SquareParameters(self.side, self.lap_time, self.start_corner, DIRECTIONS[turn])
-        return PATHS[name](task) if name in PATHS else way_points(task, self._way_points(name))
+        path = PATHS[name](task) if name in PATHS else way_points(task, self._way_points(name))
+        return rounded(path, self.corner_time)
 
     def _way_points(self, name: str) -> Any:
         return self.waypoints[name] if isinstance(self.waypoints, Mapping) else self.waypoints

@@ -69,6 +69,13 @@ def late(when: str, **parameters: float) -> Picture:
 
 PICTURES = {
     "Square-v0": moving(f"{CORNER}: the links bend, and the tip swings past.", 2.0, 260),
+    "SmoothSquare-v0": Picture(
+        "Round the first corner along the best known plan, under its regulator.",
+        STIFF,
+        {"start": "corner", "elbow_branch": "negative"},
+        470,
+        controller="plan_lqr",
+    ),
     "SquareResidual-v0": moving("Action 0: the inner law alone swings wide at every corner.", 1.0, 900, constant(0.0)),
     "SquareGain-v0": Picture(
         "Gain 1 from rest at the lower left: the tip overshoots each corner.", constant(1.0), {"start": "corner"}, 1250

@@ -183,6 +183,19 @@ def _moves() -> str:
     )
 
 
+def _smooth() -> str:
+    """Write what the best known plans come to, and the board's entries where it has them."""
+    known = [json.loads((PLANS / f"default_smooth_{lap}.json").read_text(encoding="utf-8"))["score"] for lap in LAPS]
+    errors = ", ".join(
+        f"{1e3 * one['true_tip_rms']:.1f} / {1e3 * one['true_tip_rms_after_2s']:.3f} mm on the {lap} lap"
+        for lap, one in zip(LAPS, known, strict=True)
+    )
+    text = f"The best known plans err by {errors}, over the lap / after 2 s ([optimal control](../optimal.md))."
+    if "smooth" not in board()["columns"]:
+        return f"{text} `flexarm leaderboard --columns smooth` measures entries; the {BOARD} has no figures of it yet."
+    return f"{text} {_of_board(OnBoard('smooth', ('smooth',), ('plan_lqr', 'lqg', 'shaped', 'agent square')))}"
+
+
 def _carry() -> str:
     """Write what the board has of payloads that nobody knows; how it is measured, as long as the board has nothing."""
     if "carry" not in board()["columns"]:
@@ -217,6 +230,7 @@ _BEST: Mapping[str, str] = {
     "Reach-v0": "The shipped agents, trained on the square, lose most episodes; plans take the tip there exactly.",
     "Lab-v0": "",
     "Carry-v0": "",
+    "SmoothSquare-v0": "",
     "Paper-v0": "",
 }
 _OTHERS: Mapping[str, Callable[[], str]] = {
@@ -225,5 +239,6 @@ _OTHERS: Mapping[str, Callable[[], str]] = {
     "Reach-v0": _moves,
     "Lab-v0": lambda: _LAB,
     "Carry-v0": _carry,
+    "SmoothSquare-v0": _smooth,
     "Paper-v0": lambda: _PAPER,
 }

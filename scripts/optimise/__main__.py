@@ -12,6 +12,7 @@ import itertools
 import json
 import shutil
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,6 @@ from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
-from flexarm_env.physics.paths import PATHS
 from flexarm_env.validation import choice
 from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
@@ -31,12 +31,12 @@ from scripts.optimise.pareto import curve
 from scripts.optimise.score import regulated, score
 from scripts.optimise.search import Candidate, Effort, search
 from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name, published
+from scripts.optimise.tracks import LAB, LAB_ARM, TRACKS
 
 PUBLISHED = Study("the best known laps", lambda folder, jobs: published(PLANS), TABLES)
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
-# Of named paths; `stops` is the task of an arm whose payload changes on the way.
-PLANNED = tuple(name for name in PATHS if name != "stops")
-PATHS_OF: dict[str, tuple[str, ...]] = {"linear": ("square",)}  # of some arms; others have all
+PATHS_OF: dict[str, tuple[str, ...]] = {"linear": ("square",), LAB_ARM: (LAB,)}  # of some arms
+PLANNED = tuple(name for name in TRACKS if name != LAB)  # of the others
 
 
 @dataclass
@@ -45,13 +45,14 @@ class Options:
 
     output: Path = Path("results/optimise")
     """Folder for the results; what is there with the same settings is reused."""
-    arms: tuple[str, ...] = ("default", "linear")
+    arms: tuple[str, ...] = ("default", "linear", LAB_ARM)
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")
     """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
-    paths: tuple[str, ...] = (*PLANNED, reach.PATH, corner.PATH)
-    """Names of references; moves: those that `FlexArm/Reach-v0` draws, of the default arm; corner: what limits the
-    plain lap of the square at its corners, one change at a time."""
+    paths: tuple[str, ...] = (*TRACKS, reach.PATH, corner.PATH)
+    """Names of references; smooth: the square with corners blended over 0.4 s; pace14 to pace5: the square in so many
+    seconds; lab: the path of `FlexArm/Lab-v0`, on the arm of the data sheet; moves: those that `FlexArm/Reach-v0`
+    draws, of the default arm; corner: what limits the plain lap of the square at its corners, one change at a time."""
     change_weight: float | None = None
     """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
     trial: int = 10
@@ -82,7 +83,7 @@ def main() -> None:
     for lap in options.laps:
         choice("laps", lap, tuple(LAPS))
     for path in options.paths:
-        choice("paths", path, (*PLANNED, reach.PATH, corner.PATH))
+        choice("paths", path, (*TRACKS, reach.PATH, corner.PATH))
     options.output.mkdir(parents=True, exist_ok=True)
     files = []
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
@@ -110,14 +111,15 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> list[str]:
         best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     else:
         weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
-        effort = Effort(options.trial, options.finalists, options.iterations, weight)
-        parameters = ArmParameters.named(arm)
-        found = search(parameters, lap, path, effort, output / name, _other(name, parameters, lap, output))
+        effort = Effort(options.trial, options.finalists, options.iterations)
+        parameters, track = ArmParameters.named(arm), TRACKS[path]
+        problem, other = track.problem(parameters, lap, change_weight=weight), _other(name, parameters, lap, output)
+        found = search(problem, track.task(lap), track.sides, effort, output / name, other)
         best, report = found[0].plan, _report(found, lap, path)
     earlier = _earlier_curve(output / f"{name}.json", report)
     if earlier or (options.pareto and path == "square"):
         report["pareto"] = earlier or curve(best, lap, path, output / name)
-    put(output / f"{name}.npz", best.save)
+    put(output / f"{name}.npz", partial(best.save, run=not TRACKS[path].compact))
     write_json(output / f"{name}.json", report)
     figures = report["score"]
     print(
@@ -148,8 +150,8 @@ def _report(found: list[Candidate], lap: str, path: str) -> dict[str, Any]:
     plan = found[0].plan
     log = plan.notes["log"]
     return {
-        "score": score(plan, lap, path),
-        "regulated": regulated(plan),
+        "score": score(plan, lap, TRACKS[path].options),
+        **({} if TRACKS[path].compact else {"regulated": regulated(plan)}),
         "converged": plan.notes["converged"],
         "residual": log["residual"][-1],
         "cost": log["cost"][-1],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -40,8 +41,8 @@ class Replay:
         return self.actions[period], period + 1
 
 
-def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
-    """Run a plan through `FlexArm/Square-v0`, open loop, with its reference and its integration step.
+def score(plan: Plan, lap: str, reference: Mapping[str, Any]) -> dict[str, Any]:
+    """Run a plan through `FlexArm/Square-v0`, open loop, with options of its reference and its integration step.
 
     Returns:
         Figures of the lap.
@@ -49,8 +50,13 @@ def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
     Raises:
         RuntimeError: if it ends the episode.
     """
-    options: dict[str, Any] = {"torque_limit": plan.limits, "reference": path, "physics_step": plan.step}
-    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), **options)
+    options = {
+        **reference,
+        "torque_limit": plan.limits,
+        "physics_step": plan.step,
+        "max_episode_steps": len(plan.torques),
+    }
+    env = gymnasium.make("FlexArm/Square-v0", **{**options, "arm": asdict(plan.parameters)})
     figures = summary(run_policy(env, Replay(plan), lap=lap))
     if figures["ended_early"]:
         raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")

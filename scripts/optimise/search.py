@@ -23,16 +23,12 @@ from flexarm_baselines.optimal import (
     SolverOptions,
     TrackingProblem,
     along,
-    lap_problem,
-    lap_square,
     optimise,
 )
 from flexarm_baselines.optimal.solver import Solution, rollout
-from flexarm_env.parameters import ArmParameters
-from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.parameters import SquareParameters
 from flexarm_env.simulation.feedback import Rollout
 
-SIDES = {"square": 4, "line": 2}  # between points at which the reference turns at once; other paths: 1
 SIGNS = {"positive": "+", "negative": "-"}
 CHANGE = 0.4  # [s], of sides in the starts
 GRAFT = 2.0  # [s], after which another plan takes over
@@ -46,13 +42,11 @@ class Effort:
         trial: iterations of each start.
         finalists: so many of the best starts go on.
         iterations: of each of these at most.
-        change_weight: on changes of the torques [m^2] (`TrackingProblem`).
     """
 
     trial: int
     finalists: int
     iterations: int
-    change_weight: float
 
 
 class Candidate(NamedTuple):
@@ -87,9 +81,9 @@ def sequences(start: str, lap_time: float, sides: int = 4) -> Iterator[tuple[str
 
 
 def search(
-    arm: ArmParameters,
-    lap: str,
-    path: str,
+    problem: TrackingProblem,
+    task: SquareParameters,
+    sides: int,
     effort: Effort,
     folder: Path,
     other: Plan | None,
@@ -97,9 +91,9 @@ def search(
     """Find plans for a lap; trials and finals that the folder has with the same settings are reused.
 
     Args:
-        arm: the arm.
-        lap: a name of `LAPS`.
-        path: a name of `PATHS`.
+        problem: of the lap.
+        task: the elbow's side at its start, and its time.
+        sides: of the path, at whose starts the elbow may change its side.
         effort: how much is tried.
         folder: for the plans on the way.
         other: plan of the arm's other lap, which the best one is grafted on as well, where its elbow is on the same
@@ -111,16 +105,14 @@ def search(
     Raises:
         DivergingStartError: if all did.
     """
-    problem = lap_problem(FlexibleArm(arm), lap, path=path, change_weight=effort.change_weight)
-    task = lap_square(lap)
     folder.mkdir(parents=True, exist_ok=True)
     found = []
-    for sequence, branches in sequences(task.elbow_branch, task.lap_time, SIDES.get(path, 1)):
+    for sequence, branches in sequences(task.elbow_branch, task.lap_time, sides):
         start = partial(along, problem, branches)
         with suppress(DivergingStartError):
             found.append(improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz"))
     if not found:
-        raise DivergingStartError(f"the {lap} lap: the arm's state stays finite on no sequence of branches")
+        raise DivergingStartError(f"{folder.name}: the arm's state stays finite on no sequence of branches")
     found.sort(key=lambda one: one.cost)
     finals = []
     for one in found[: effort.finalists]:
@@ -167,7 +159,12 @@ def improved(
     path: Path,
 ) -> Candidate:
     """Optimise from a start, or reuse the plan in its file."""
-    settings = {"sequence": sequence, "change_weight": problem.change_weight, "most_iterations": iterations}
+    settings = {
+        "sequence": sequence,
+        "change_weight": problem.change_weight,
+        "torque_weight": problem.torque_weight,
+        "most_iterations": iterations,
+    }
     plan = _earlier(path, problem, settings)
     if plan is None:
         plan = Plan.of(problem, optimised(problem, start(), iterations, path.stem), **settings)

@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from flexarm_env.laps import LAPS
+from flexarm_env.parameters import SquareParameters
 from scripts.common.markdown import table
 from scripts.optimise.score import CASES
+from scripts.optimise.tracks import PACE
 
 Reports = Mapping[str, Any]  # by the names of their files
 DRAWN, CHANGED = "moves.json", "corner.json"  # the reports on drawn motions, and on changed laps
@@ -29,11 +32,31 @@ def laps(reports: Reports) -> str:
     """Tabulate the best known laps."""
     rows = []
     for name, report in _plans(reports).items():
+        if parts(name)[1].startswith(PACE):
+            continue
         score = report["score"]
         largest, branches = f"{1e3 * score['true_tip_max']:.0f}", f"`{report['branches']}`"
         row = (_text(name), _errors(score), largest, branches, *_efforts(score), f"{report['residual']:.0e}")
         rows.append(row)
     return table(("arm, lap", "error [mm]", "largest [mm]", "elbow", *EFFORTS.values(), "residual"), rows)
+
+
+def pace(reports: Reports) -> str:
+    """Tabulate the default arm's best known laps of the square by their time."""
+    found: dict[float, dict[str, Any]] = {}
+    for name, report in _plans(reports).items():
+        arm, path, lap = parts(name)
+        if arm == "default" and (path == "square" or path.startswith(PACE)):
+            lap_time = float(path.removeprefix(PACE)) if path != "square" else SquareParameters.lap_time
+            found.setdefault(lap_time, {})[lap] = report["score"]
+    rows = [
+        (
+            f"{lap_time:g}",
+            *(cell for lap in LAPS for cell in (_errors(laps[lap]), f"{1e3 * laps[lap]['true_tip_max']:.0f}")),
+        )
+        for lap_time, laps in sorted(found.items(), reverse=True)
+    ]
+    return table(("lap time [s]", *(cell for lap in LAPS for cell in (f"{lap} lap [mm]", "largest [mm]"))), rows)
 
 
 def pareto(reports: Reports) -> str:
@@ -105,4 +128,4 @@ def _efforts(row: Mapping[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pace": pace, "pareto": pareto, "regulated": regulated}

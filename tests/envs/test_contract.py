@@ -76,6 +76,7 @@ def test_what_is_registered() -> None:
         "Lab",
         "Paper",
         "Reach",
+        "SmoothSquare",
         "Square",
         *delays,
         "SquareEncoders",

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParameters, inverse_kinematics, square
 from flexarm_env.kernels.imex import chord_at
 from flexarm_env.parameters import Corner, Direction, ElbowBranch
+from flexarm_env.physics.paths import rounded
 
 CORNERS: dict[str, tuple[float, float]] = {
     "lower left": (-6.3, -6.3),
@@ -199,3 +200,36 @@ def test_a_path_keeps_its_own_table() -> None:
     table[:] = 0.0
     np.testing.assert_array_equal(path.position([0.5, 2.0]), [(1.5, 1.0), (1.5, 1.0)])
     np.testing.assert_array_equal(path.velocity([0.5, 2.0]), [(1.0, 0.0), (-0.5, 0.0)])
+
+
+# --- blended corners ------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.05, 1.0), st.floats(0.0, 1.0))
+def test_a_path_with_blended_corners_is_its_running_mean(corner_time: float, share: float) -> None:
+    sharp = square(SquareParameters(lap_time=4.0))
+    smooth, count = rounded(sharp, corner_time), 4000
+    place = round(share * (len(smooth.table) - 1))
+    window = corner_time * ((np.arange(count) + 0.5) / count - 0.5)
+    mean = sharp.position(np.mod(smooth.table[place, 0] + window, 4.0)).mean(axis=0)
+    # the midpoint rule errs in the cell with the corner alone, by less than its turn of the velocity times its width
+    np.testing.assert_allclose(smooth.table[place, 1:], mean, atol=12.6 * 2**0.5 * corner_time / count**2 + 1e-12)
+
+
+@given(st.floats(0.02, 3.5))
+def test_the_velocity_turns_at_a_constant_rate(corner_time: float) -> None:
+    """The turn of 90 degrees at 3.15 m/s, over the blend; between two rows the velocity jumps by so much."""
+    rows = rounded(PAPER, corner_time).rows
+    jumps = np.linalg.norm(np.diff(rows[:, 3:], axis=0), axis=1)
+    turn = 3.15 * 2**0.5
+    assert jumps.max() / np.diff(rows[:2, 0])[0] == pytest.approx(turn / corner_time, rel=1e-6)
+    assert jumps.sum() == pytest.approx(4.0 * turn, rel=1e-3)  # the sides in between are straight
+    away = np.linalg.norm(rounded(PAPER, corner_time).position(4.0) - PAPER.position(4.0))
+    # goes to the sharp corner with the time; a chord is off the curve by an eighth of its time squared times the rate
+    assert away == pytest.approx(turn * corner_time / 8.0, abs=turn * corner_time / (8.0 * 80.0**2))
+
+
+def test_no_time_leaves_the_path_as_it_is_and_too_long_a_one_is_refused() -> None:
+    assert rounded(PAPER, 0.0) is PAPER
+    with pytest.raises(ValueError, match=r"corner_time = 4\.1 s: must be at most 4 s, that of the shortest side"):
+        rounded(PAPER, 4.1)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexarm_baselines.optimal import Plan, lap_problem, lap_square, load_plan, plan_names
+from flexarm_baselines.optimal import Plan, lap_square, load_plan, plan_names
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.physics.paths import PATHS
 from scripts.common.markdown import shown_blocks
@@ -15,6 +15,7 @@ from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
 from scripts.optimise.tables import TABLES, parts, plan_name, published
+from scripts.optimise.tracks import TRACKS
 from tests.support.programs import run_study
 
 run_script = partial(run_study, "optimise")
@@ -67,10 +68,10 @@ def test_a_short_run_goes_on_where_it_was(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", plan_names())
 def test_a_plan_of_the_package_is_whole(name: str) -> None:
-    """Without a kernel: its states are of the lap, its tips are as far from the reference as its report says."""
+    """Its states are of the lap, its tips are as far from the reference as its report says."""
     plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     _, path, lap = parts(name)
-    np.testing.assert_array_equal(plan.reference, lap_problem(plan.arm, lap, path=path).reference)
+    np.testing.assert_array_equal(plan.reference, TRACKS[path].problem(plan.parameters, lap).reference)
     away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
     assert np.sqrt(np.mean(away**2)) == pytest.approx(report["score"]["true_tip_rms"], rel=1e-3, abs=1e-6)
     assert np.sqrt(np.mean(away[200:] ** 2)) == pytest.approx(
@@ -94,6 +95,6 @@ def test_a_plan_of_the_package_replays_to_its_score(name: str) -> None:
     plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     np.testing.assert_allclose(plan.replay().states, plan.states, atol=1e-6)
     _, path, lap = parts(name)
-    again = score(plan, lap, path)
+    again = score(plan, lap, TRACKS[path].options)
     for figure in ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max"):
         assert again[figure] == pytest.approx(report["score"][figure], abs=5e-5), figure

@@ -110,6 +110,7 @@ def is_bent(infos: dict[str, Any]) -> NDArray[np.bool_]:
 _PATHS: list[dict[str, Any]] = [
     {"reference": "drawn", "waypoints": drawn_corners, "reward": terms_together, "termination": is_bent},
     {"reference": ["square", "circle", "line", "figure_eight", "waypoints"], "waypoints": WAYPOINTS, "side": 8.0},
+    {"reference": ["square", "line", "waypoints"], "waypoints": WAYPOINTS, "corner_time": 0.5, "side": 8.0},
     {"reference": "moves", "lap_time": 6.0, "start": "corners"},
 ]
 _BY_ID: dict[str, list[dict[str, Any]]] = {
@@ -180,7 +181,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
     ],
 }
 # Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
-_CHOICES = ("Carry", "Lab", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
+_CHOICES = ("Carry", "Lab", "SmoothSquare", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
 
