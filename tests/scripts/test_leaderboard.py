@@ -215,7 +215,7 @@ def test_a_board_without_an_axis_has_no_picture(tmp_path: Path) -> None:
 def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> None:
     blocks = set(re.findall(r"<!-- generated: (\w+) -->", (DOCS / study.PAGE).read_text()))
     assert blocks == {
-        *("ranking", "nominal", "robustness", "times"),
+        *("ranking", "nominal", "robustness", "axis_carry", "axis_disturbances", "times"),
         *(f"picture_{Path(name).stem}" for name in study.PICTURES),
     }
 
