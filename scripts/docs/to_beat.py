@@ -208,7 +208,7 @@ def _carry() -> str:
                 None if one[name] is None else one[name]["p90"] for name in ("vibration", "settling_time", "moment")
             ]
             if worst[0] is not None:
-                cells = (f"{1e3 * worst[0]:.1f}", *("-" if x is None else f"{x:.2g}" for x in worst[1:]))
+                cells = (f"{1e3 * worst[0]:.1f}", *("-" if x is None else f"{x:.3g}" for x in worst[1:]))
                 rows.append((worst[0], (f"`{row['name']}`", lap, f"{one['lost']} of {one['episodes']}", *cells)))
     head = ("entry", "lap", "lost", "vibration [mm]", "settling time [s]", "bending moment [N m]")
     lines = table(head, [line for _, line in sorted(rows)])
