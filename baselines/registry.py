@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
-from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, InertialLQG
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
@@ -129,6 +129,12 @@ CONTROLLERS: dict[str, Controller] = {
         InertialLQG,
         "as `lqg`, with an accelerometer and a gyro at the tip",
         f"{ANDERSON_MOORE}, chapter 8; Titterton & Weston, Strapdown inertial navigation technology, 2004",
+    ),
+    "hinf": Controller(
+        HInfinityLQG,
+        "the central H-infinity controller along the best known plan, from encoders and the late tip",
+        "Basar & Bernhard, H-infinity-optimal control and related minimax design problems, 1995; Whittle, "
+        "Risk-sensitive optimal control, 1990",
     ),
     "lqg_adaptive": Controller(
         AdaptiveLQG,

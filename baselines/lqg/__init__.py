@@ -2,6 +2,7 @@
 
 from flexarm_baselines.lqg.adaptive import AdaptiveLQG
 from flexarm_baselines.lqg.controller import LQG, NOISE, QUICK, WEIGHTS, GaugedLQG
+from flexarm_baselines.lqg.hinf import HInfinityLQG
 from flexarm_baselines.lqg.imu import InertialLQG
 
-__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG", "InertialLQG"]
+__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG", "HInfinityLQG", "InertialLQG"]
