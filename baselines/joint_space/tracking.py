@@ -195,7 +195,7 @@ class JointTracking(TorqueController):
             The targets; of a start, up to the period before it in the next lap.
         """
         task, begun = self.task, 0 if period is None else period
-        instants = task.period * (begun + np.arange(task.periods + 1))
+        instants = task.period * (begun + np.arange(task.periods + 1, dtype=np.float64))
         count = round((task.lap_time + 2.0 * MARGIN) / FINE)
         times = instants[0] - MARGIN + FINE * np.arange(count + 1)
         motion = self._carried(times, self._joints(times, side, None if period is None else instants[0]))

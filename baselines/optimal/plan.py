@@ -114,7 +114,7 @@ class Plan:
             torques: Shape (n, 2).
             **feedback: gains, references and quantities of `FlexibleArm.rollout`.
         """
-        options = {"limits": self.limits, "period": self.period, "step": self.step}
+        options: dict[str, Any] = {"limits": self.limits, "period": self.period, "step": self.step}
         if self.payloads is None:
             return arm.rollout(state, torques, **options, **feedback)
         mass = feedback.pop("payload_mass", arm.parameters.payload_mass)
