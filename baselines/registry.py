@@ -22,12 +22,12 @@ from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
-from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, StampedLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
-from flexarm_baselines.predictive import DOUBTFUL, NMPC, UNKNOWN, StateNMPC
+from flexarm_baselines.predictive import DOUBTFUL, NMPC, STAMPED, UNKNOWN, StampedNMPC, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -142,6 +142,9 @@ CONTROLLERS: dict[str, Controller] = {
         "motors",
         f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969; Magill, IEEE Trans. Automatic Control 10, 1965",
     ),
+    "lqg_adaptive_stamped": Controller(
+        StampedLQG, "as `lqg_adaptive`, with time stamps of the late tip in the place of its estimated delay", LJUNG
+    ),
     "nmpc": Controller(
         NMPC,
         "nonlinear predictive control about the best known plan, of the state that a Kalman filter estimates from "
@@ -153,6 +156,12 @@ CONTROLLERS: dict[str, Controller] = {
         "as `nmpc`, with a filter that also estimates payload, stiffness and the sensor's delay",
         f"{DIEHL}; {LJUNG}",
         {"unknown": UNKNOWN, "noise": DOUBTFUL},
+    ),
+    "nmpc_adaptive_stamped": Controller(
+        StampedNMPC,
+        "as `nmpc_adaptive`, with time stamps of the late tip in the place of its estimated delay",
+        f"{DIEHL}; {LJUNG}",
+        {"unknown": STAMPED, "noise": DOUBTFUL},
     ),
     "nmpc_path": Controller(
         NMPC, "as `nmpc`, about a run of its own that is not optimised", DIEHL, {"reference": "path"}

@@ -64,7 +64,7 @@ class Task(NamedTuple):
     sensor_reference: Floats  # where the tip should have been at the time of the reading [m]. Shape (..., 2)
     sensor_velocity: Floats  # how that changes between two readings [m/s]. Shape (..., 2)
     previews: Floats  # how far the reference will have moved [m]. Shape (..., 2 per horizon)
-    # Cosine and sine of the lap's phase, the episode's time [s], and its parameters. Shape (..., 3 + k)
+    # Cosine and sine of the lap's phase, the episode's time, the reading's age [s], and parameters. Shape (..., 4 + k)
     clock: Floats
 
 
@@ -158,7 +158,13 @@ class Observations:
             world("sensor_error_rate") + (seen.readings - seen.earlier) / self.settings.control_period,
             world("previews", 2 * len(self.settings.previews)),
             np.concatenate(
-                [observed("lap_phase"), observed("time", 1), observed("episode_parameters", len(DRAWN))], axis=-1
+                [
+                    observed("lap_phase"),
+                    observed("time", 1),
+                    observed("reading_age", 1),
+                    observed("episode_parameters", len(DRAWN)),
+                ],
+                axis=-1,
             ),
         )
 
@@ -199,7 +205,8 @@ class Observations:
         rows = {f"F_{name.upper()}": values for name, values in found._asdict().items()} | {
             "F_PHASE": clock[:2],
             "TIME": clock[2:3],
-            "EPISODE": clock[3:],
+            "READING_AGE": clock[3:4],
+            "EPISODE": clock[4:],
             "F_PRESENT_JOINT_ERROR": present_error,
             "F_PRESENT_JOINT_ERROR_RATE": present_rate,
             "ENCODERS": encoders,

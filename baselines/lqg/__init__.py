@@ -1,8 +1,8 @@
 """Linear-quadratic-Gaussian control along plans: `LQG`, and its forms that read more or find out more."""
 
-from flexarm_baselines.lqg.adaptive import AdaptiveLQG
+from flexarm_baselines.lqg.adaptive import AdaptiveLQG, StampedLQG
 from flexarm_baselines.lqg.controller import LQG, NOISE, QUICK, WEIGHTS, GaugedLQG
 from flexarm_baselines.lqg.hinf import HInfinityLQG
 from flexarm_baselines.lqg.imu import InertialLQG
 
-__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG", "HInfinityLQG", "InertialLQG"]
+__all__ = ["LQG", "NOISE", "QUICK", "WEIGHTS", "AdaptiveLQG", "GaugedLQG", "HInfinityLQG", "InertialLQG", "StampedLQG"]

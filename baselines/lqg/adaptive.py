@@ -9,8 +9,8 @@ scheduling*, Automatica 36, 2000.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -52,6 +52,7 @@ QUANTITIES = {
     "damping": Unknown(0.003, 0.1, 0.001, 0.03),
     "delay": Unknown(0.02, 0.1, 0.0, 0.08),  # [s]
 }
+STAMPED = QUANTITIES | {"delay": QUANTITIES["delay"]._replace(deviation=1e-4)}  # with time stamps
 LATENESS = Unknown(3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
@@ -117,6 +118,8 @@ class AdaptiveLQG(LQG):
         regulator: likewise.
     """
 
+    quantities: ClassVar[Mapping[str, Unknown]] = QUANTITIES
+
     def __init__(
         self,
         task: Task,
@@ -147,8 +150,8 @@ class AdaptiveLQG(LQG):
             task.delay,
             task.sensor_position,
             noise,
-            {name: one.deviation for name, one in QUANTITIES.items()},
-            {name: one.drift for name, one in QUANTITIES.items()},
+            {name: one.deviation for name, one in self.quantities.items()},
+            {name: one.drift for name, one in self.quantities.items()},
         )
         filters, regulators = [], []
         self._grid = sorted(payloads), sorted(stiffnesses)
@@ -231,6 +234,28 @@ class AdaptiveLQG(LQG):
             for n, values in enumerate(self._grid)
         )
         return np.asarray((payload * len(self._grid[1]) + stiffness) * len(self.plans) + chosen)
+
+
+class StampedLQG(AdaptiveLQG):
+    """`AdaptiveLQG` that reads time stamps, and so need not estimate the sensor's delay."""
+
+    blocks: ClassVar[tuple[str, ...]] = (*AdaptiveLQG.blocks, "reading_age")
+    quantities: ClassVar[Mapping[str, Unknown]] = STAMPED
+
+    def start(self, seen: Seen) -> Memory:
+        """See `AdaptiveLQG`."""
+        return self._told(seen, super().start(seen))
+
+    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
+        """See `AdaptiveLQG`."""
+        return super().torque(seen, self._told(seen, memory))
+
+    def _told(self, seen: Seen, memory: Memory) -> Memory:
+        """Put the latest reading's age in the place of the estimated delay, in all hypotheses."""
+        estimate, column = memory[0].copy(), list(QUANTITIES).index("delay")
+        delay = seen["reading_age"].clip(self._least[column], self._most[column])
+        estimate[..., self._quantities.start + column] = delay
+        return (estimate, *memory[1:])
 
 
 def least_in_doubt(doubt: Floats, believed: Array) -> Array:

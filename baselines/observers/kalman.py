@@ -154,6 +154,13 @@ class KalmanFilter:
         columns = estimate.mean[:, self._states : self._known].T
         return dict(zip(self.quantities, columns, strict=True))
 
+    def told(self, estimate: Estimate, **values: Any) -> Estimate:
+        """Return estimates with quantities that are known from elsewhere. Shape (n,) each."""
+        mean = estimate.mean.copy()
+        for name, value in values.items():
+            mean[:, self._states + self.quantities.index(name)] = np.clip(value, *RANGES[name])
+        return Estimate(mean, estimate.covariance)
+
     @staticmethod
     def is_sound(estimate: Estimate) -> Bools:
         """Say which estimates have numbers that the arm's equations take. Shape (n,)."""

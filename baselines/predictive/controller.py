@@ -32,6 +32,7 @@ HORIZON = 0.5  # [s]
 STEP = 2e-3  # [s]; of the model's integration
 CHANGE_WEIGHT = 0.03  # [m^2], on changes of the torques; with less it steers so hard that late motors shake the arm
 UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2, "delay": 0.02}  # standard deviations at the start [kg], [1], [s]
+STAMPED = UNKNOWN | {"delay": 1e-4}  # with time stamps
 # Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
 # Noise on the torques, more than there is, buys robustness to an arm that is not the model.
 NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0))
@@ -217,6 +218,21 @@ class GaugedNMPC(NMPC):
     """`NMPC` that reads strain gauges, too."""
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, *GAUGES, "lap_phase")
+
+
+class StampedNMPC(NMPC):
+    """`NMPC` that reads time stamps: its filter is told the sensor's delay, one of the `unknown` quantities."""
+
+    blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase", "reading_age")
+
+    def begin(self, seen: Seen, state: Floats) -> Memory:
+        """See `NMPC`."""
+        return tuple(self.filter.start(state, delay=seen["reading_age"][:, 0]))
+
+    def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
+        """See `NMPC`."""
+        told = self.filter.told(Estimate(*belief), delay=seen["reading_age"][:, 0])
+        return super().update(seen, tuple(told), run)
 
 
 class StateNMPC(PredictiveController):

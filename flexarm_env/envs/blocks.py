@@ -31,11 +31,12 @@ from flexarm_env.physics.sensing import POSITION
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 
 # What a policy may learn of the arm and its task beyond the clock, the reference of this instant and its own actions.
-ENCODERS, STRAIN_GAUGES, PREVIEW = "encoders", "strain gauges", "preview"
+ENCODERS, STRAIN_GAUGES, PREVIEW, TIME_STAMPS = "encoders", "strain gauges", "preview", "time stamps"
 PLANT, TRUE_STATE, EPISODE = "plant parameters", "true state", "episode parameters"
 READINGS = {
     ENCODERS: "angles and rates of the joints",
     **{sensor.reads: f"the {sensor.title}, late" for sensor in SENSORS},
+    TIME_STAMPS: "when the latest reading of the sensor on link 2 was taken, whose delay may be drawn",
     STRAIN_GAUGES: "how far the links bend and how fast, without delay or noise",
     PREVIEW: "where the target will be",
     PLANT: "the nominal arm's masses, stiffness and modes; in no block, but a controller may be designed on them",
@@ -210,6 +211,16 @@ BLOCKS: dict[str, Block] = {
         lambda s, r: even_range(2, 3.0, 2.0 * position_bounds(s, LINK_2, r)[1] / (0.499 * s.control_period)),
         VECTOR,
         reads=LINK_2.reads,
+    ),
+    "reading_age": Block(
+        "age of the latest reading of the sensor on link 2 by its time stamp: drawn delay, jitter and lost readings "
+        "included; of two delays the shoulder's",
+        "s",
+        _rows("READING_AGE", 0, 1),
+        lambda s, r: even_range(1, 0.05, MOST_SECONDS),
+        SCALAR,
+        reads=TIME_STAMPS,
+        count="1",
     ),
     **{name: block for sensor in FURTHER for name, block in _blocks_of(sensor).items()},
     "modal_coordinates": Block(

@@ -42,10 +42,12 @@ None, it is the distance from the shoulder to the sensor over the wave speed: 31
 - `dropout` is the probability that a reading is lost; the one before then stays.
 - `outage_duration` is how long no reading is taken, from `outage_time` on.
 
-A reading is ignored unless it is newer than the one before by half a control period. `sensor_error` compares a reading
-with the target at the time of that reading. For a "true" sensor at the tip, the default, it is the exact error of a
-moment ago. For a sensor elsewhere on link 2 it is the vector from that point to where the *tip* should be; for the
-"rigid" sensor it mixes two moments.
+A reading is ignored unless it is newer than the one before by half a control period. `sensor_error` compares a reading,
+when it arrives, with the target of `delay` seconds ago; with a clock, with the target at the newest tick of then. Where
+nothing about the delay is drawn, that is when the reading was taken: for a "true" sensor at the tip, the default, it is
+the exact error of a moment ago. A drawn delay, jitter and lost readings are not in it, nor in `sensor_error_rate`: a
+controller has to find them, or to observe `reading_age`, the readings' time stamps. For a sensor elsewhere on link 2
+`sensor_error` is the vector from that point to where the *tip* should be; for the "rigid" sensor it mixes two moments.
 
 {PARAGRAPHS}"""
 DISTURBANCES = """\

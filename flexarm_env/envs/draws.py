@@ -77,7 +77,11 @@ class Draws:
         self.chosen_path = self.columns if kinds[0].path_rows else None  # column; that of the kernels is the lane
         self.columns += self.chosen_path is not None
         self.rows = {
-            name for own, *two in corners for name in own for x in two if not np.array_equal(own[name], x[name])
+            name
+            for own, *two in corners
+            for name in own
+            for x in two
+            if not (name.startswith("NOMINAL") or np.array_equal(own[name], x[name]))  # these stay as declared
         }
         self._set([one.randomisation for one in kinds])
 

@@ -22,6 +22,7 @@ from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.constants import ConstantChanges
 from flexarm_env.physics.motors import response
 from flexarm_env.physics.paths import same_length
+from flexarm_env.physics.sensing import POSITION
 from flexarm_env.simulation.lanes import ALL_READINGS
 from flexarm_env.simulation.limits import state_limits
 
@@ -244,6 +245,10 @@ def _further_rows(settings: Settings) -> dict[str, Any]:
         "FURTHER_SLOPES": [x for each in slopes for x in each],
         "FURTHER_FORESHORTENING": [x for place in places for x in place.foreshortening],
         "FURTHER_DELAY": [one.delay for one in sensors for _ in one.noise],
+        "NOMINAL_FURTHER_DELAY": [one.delay for one in sensors if one.sensor.quantity == POSITION],
+        "NOMINAL_FURTHER_DISTANCE": [
+            place.distance for one, place in zip(sensors, places, strict=True) if one.sensor.quantity == POSITION
+        ],
         "FURTHER_NOISE": [x for one in sensors for x in one.noise],
         "FURTHER_DRAW": [one.sensor.noise_offset + n for one in sensors for n in range(len(one.noise))],
         "FURTHER_BIAS_SPREAD": [x for one in sensors for x in one.bias],
@@ -292,6 +297,8 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         "JITTER": [s.jitter],
         "HOLD": [s.sensor_period],
         "DROPOUT": [s.dropout],
+        "NOMINAL_DELAY": [s.sensor_delays[0]],
+        "NOMINAL_HOLD": [s.sensor_period],
         "OUTAGE": [s.outage_time, s.outage_duration],
         "PULSE_FORCE": s.pulse_force,
         "PULSE_TIMES": [s.pulse_time, s.pulse_duration, s.pulse_period],

@@ -137,7 +137,7 @@ LINK_2 = Sensor(
     words="the sensor on link 2",
     reads="late tip",
     parts=(Part("sensed_position", "latest reading of the sensor on link 2: late, noisy", "m", 6.3),),
-    error=Part("sensor_error", "target at the time of that reading minus the reading", "m", 0.5),
+    error=Part("sensor_error", "target as long ago as the nominal delay (`delay`) says minus the reading", "m", 0.5),
     info="sensed",
 )
 SECOND = Sensor(
@@ -154,7 +154,7 @@ SECOND = Sensor(
     ),
     error=Part(
         "second_sensor_error",
-        "the same point of the rigid arm on the target at the time of that reading, minus the reading",
+        "the same point of the rigid arm on the target as long ago as `second_sensor_delay` says, minus the reading",
         "m",
         0.5,
     ),
@@ -164,8 +164,8 @@ SECOND = Sensor(
 `second_sensor_link` adds a second position sensor on either link, to compare sets of sensors. It reads the true point
 at `second_sensor_position`, `second_sensor_delay` seconds ago, with noise of its own (`second_sensor_noise`), in every
 control period; `jitter`, `sensor_period`, `dropout` and a drawn `delay` are the first sensor's. `second_sensor_error`
-compares a reading with the *same point* of a rigid arm that was on the target at that time. It is 0 if the arm is
-unbent and on the target.""",
+compares a reading with the *same point* of a rigid arm that was on the target then, by the declared position and delay.
+It is 0 if the arm is unbent and on the target.""",
 )
 IMU = Sensor(
     name="imu",

@@ -291,7 +291,7 @@ def point_on_time(block: Block, i: int, s: int, back: float) -> Four:
         back: how long ago [s].
     """
     if variant.further_points and s > 0:
-        return further_reference(block, i, s - 1, back)
+        return further_reference(block, i, s - 1, block.arena[row.FURTHER_DISTANCE + s - 1, i], back)
     return reference_reading(block, i, back)
 
 
@@ -314,11 +314,13 @@ def seed_sensor(block: Block, i: int) -> None:
     late = arena[row.SENSOR_DELAY, i]
     later = arena[row.SENSOR_DELAY + 1, i] - late
     late += max(settings[setting.PERIOD], arena[row.HOLD, i])
-    taken = clock[clock_row.STEPS, i] * h - late
+    nominal = arena[row.NOMINAL_DELAY, i] + max(settings[setting.PERIOD], arena[row.NOMINAL_HOLD, i])
+    taken = clock[clock_row.STEPS, i] * h - nominal
     point = sensed_point(block, i, late, late + later)
     reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
     for r in range(2):
         arena[row.LINK_SENSOR + r, i] = point[r]
         arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
         arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
-    arena[row.SAMPLE_TIME, i] = taken
+    arena[row.NOMINAL_TIME, i] = taken
+    arena[row.SAMPLE_TIME, i] = clock[clock_row.STEPS, i] * h - late

@@ -217,19 +217,33 @@ def point_on_reference(settings: Table, branch: float, link: int, distance: floa
     )
 
 
+def nominal_age(block: Block, i: int) -> float:
+    """Return how old a reading that arrives at lane i now is by the declared delay and clock, none being lost [s]."""
+    settings, arena, clock = block.settings, block.arena, block.clock
+    delay, hold = arena[row.NOMINAL_DELAY, i], arena[row.NOMINAL_HOLD, i]
+    if not variant.disturbed or hold == 0.0:
+        return delay
+    now = clock[clock_row.STEPS, i] * settings[setting.STEP]
+    return now - floor((now - delay) / hold + 1e-9) * hold
+
+
 def update_sensor_error(block: Block) -> None:
-    """Update the sensor's position, its error from the reference of that time, and the error's change per second."""
+    """Update the sensor's position, its age, its error from the reference, and the error's change per second.
+
+    A controller knows when a reading arrives, not when it was taken: errors are those of the nominal age. What is
+    drawn (delay, jitter, lost readings) is in the true age alone.
+    """
     settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     searched = 0
     for i in range(variant.lanes):  # within the present side, the earlier reference follows without a search
-        late = arena[row.SAMPLE_AGE, i]
+        late = nominal_age(block, i)
         for r in range(2):
             then = arena[row.REFERENCE + r, i] - late * arena[row.REFERENCE + 2 + r, i]
             arena[row.SAMPLE_REFERENCE + r, i] = then
         searched += late > arena[row.SEGMENT_PASSED, i]
     for i in range(variant.lanes if searched > 0 else 0):
-        late = arena[row.SAMPLE_AGE, i]
+        late = nominal_age(block, i)
         if late > arena[row.SEGMENT_PASSED, i]:
             taken = clock[clock_row.STEPS, i] * h - late
             there = reference_at(
@@ -238,11 +252,14 @@ def update_sensor_error(block: Block) -> None:
             arena[row.SAMPLE_REFERENCE, i] = there[0]
             arena[row.SAMPLE_REFERENCE + 1, i] = there[1]
     for i in range(variant.lanes):
-        late, before = arena[row.SAMPLE_AGE, i], arena[row.SAMPLE_TIME, i]
+        now, late, before = clock[clock_row.STEPS, i] * h, arena[row.SAMPLE_AGE, i], arena[row.SAMPLE_TIME, i]
         fresh = late >= 0.0
-        taken = clock[clock_row.STEPS, i] * h - late
-        per_second = 1.0 / (taken - before)
-        arena[row.SAMPLE_TIME, i] = taken if fresh else before
+        arena[row.SAMPLE_TIME, i] = now - late if fresh else before
+        arena[row.READING_AGE, i] = late if fresh else now - before
+        nominal, earlier = now - nominal_age(block, i), arena[row.NOMINAL_TIME, i]
+        arena[row.NOMINAL_TIME, i] = nominal if fresh else earlier
+        apart = nominal - earlier  # 0 if two ticks of the sensor's clock arrive where one was due
+        per_second = 1.0 / (apart if apart > 0.499 * settings[setting.PERIOD] else arena[row.NOMINAL_HOLD, i])
         for r in range(2):
             point, known = arena[row.SAMPLE_POINT + r, i], arena[row.SENSOR_ERROR + r, i]
             error = arena[row.SAMPLE_REFERENCE + r, i] - point
@@ -255,7 +272,8 @@ def update_sensor_error(block: Block) -> None:
 def sense_further(block: Block) -> None:
     """Read the further sensors in a block's lanes, and compute the errors of the positions that they read.
 
-    An error is the position of the same point of the rigid arm on the reference at that time, minus the reading.
+    An error is the position of the same point of the rigid arm on the reference at that time, minus the reading; of
+    the declared point and delay, whatever the episode has.
     """
     arena, active = block.arena, block.active
     for i in range(variant.lanes):
@@ -263,8 +281,8 @@ def sense_further(block: Block) -> None:
             for r in range(variant.further_readings):
                 arena[row.FURTHER_READING + r, i] = further_reading(block, i, r)
             for n in range(variant.further_points):
-                late = arena[row.FURTHER_DELAY + 2 * n, i]
-                there = further_reference(block, i, n, late)
+                late, distance = arena[row.NOMINAL_FURTHER_DELAY + n, i], arena[row.NOMINAL_FURTHER_DISTANCE + n, i]
+                there = further_reference(block, i, n, distance, late)
                 for r in range(2):
                     read = arena[row.FURTHER_READING + 2 * n + r, i]
                     arena[row.FURTHER_ERROR + 2 * n + r, i] = there[r] - read
@@ -307,18 +325,19 @@ def draw_biases(arena: Arena, keys: Keys, i: int) -> None:
             arena[row.FURTHER_BIAS + r, i] = spread * deviate(keys[i], int(arena[row.FURTHER_DRAW + r, i]))
 
 
-def further_reference(block: Block, i: int, n: int, back: float) -> Four:
+def further_reference(block: Block, i: int, n: int, distance: float, back: float) -> Four:
     """Return position and velocity, `back` seconds ago, of a sensor's point of the rigid arm on lane i's reference.
 
     Args:
         block: the block.
         i: the lane.
         n: the further sensor.
+        distance: of the point from the root of the sensor's link [m].
         back: how long ago [s].
     """
     settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     time = clock[clock_row.STEPS, i] * h - back
     reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * h, clock[clock_row.SINCE, i] * h)
-    link, distance = int(arena[row.FURTHER_LINK + n, i]), arena[row.FURTHER_DISTANCE + n, i]
+    link = int(arena[row.FURTHER_LINK + n, i])
     return point_on_reference(settings, arena[row.BRANCH, i], link, distance, reference)

@@ -192,6 +192,8 @@ class Row(Names):
     SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _MEASURED)
     SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _MEASURED)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
+    NOMINAL_DELAY = Entry("as declared, whatever the episode has", "s", 1, _ENVIRONMENT)
+    NOMINAL_HOLD = Entry("HOLD as declared", "s", 1, _ENVIRONMENT)
     PRESENT_SEGMENT = Entry(
         "side of the path that the reference is on (`entries.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
     )
@@ -225,8 +227,10 @@ class Row(Names):
     SAMPLE_TIME = Entry("when the latest reading was taken", "s", 1, _ENVIRONMENT)
     SAMPLE_AGE = Entry("age of the reading that arrives now; negative: none does", "s", 1, _ENVIRONMENT)
     SAMPLE_POINT = Entry("the reading that arrives now", "m", 2, _ENVIRONMENT)
-    SAMPLE_REFERENCE = Entry("reference when it was taken", "m", 2, _ENVIRONMENT)
-    SENSOR_ERROR = Entry("reference at the time of the latest reading minus the reading", "m", 2, _ENVIRONMENT)
+    READING_AGE = Entry("age of the latest reading", "s", 1, _ENVIRONMENT)
+    NOMINAL_TIME = Entry("when it was taken, by the nominal delay", "s", 1, _ENVIRONMENT)
+    SAMPLE_REFERENCE = Entry("reference at that time", "m", 2, _ENVIRONMENT)
+    SENSOR_ERROR = Entry("reference at that time minus the latest reading", "m", 2, _ENVIRONMENT)
     SENSOR_ERROR_RATE = Entry("its change since the reading before, per second", "m/s", 2, _ENVIRONMENT)
     F_DIRECTIONS = Entry("cosine and sine of theta2, of theta1 (`features`)", "1", 4, _ENVIRONMENT)
     F_JOINT_ERROR = Entry("JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
@@ -251,6 +255,8 @@ class Row(Names):
     FURTHER_BIAS_SPREAD = Entry("standard deviation of its bias", "its unit", _readings, _FURTHER)
     FURTHER_BIAS = Entry("its bias in the present episode", "its unit", _readings, _FURTHER)
     FURTHER_RANGE = Entry("largest magnitude that can be read", "its unit", _readings, _FURTHER)
+    NOMINAL_FURTHER_DELAY = Entry("as declared, of each position", "s", lambda s: s.further_points, _FURTHER)
+    NOMINAL_FURTHER_DISTANCE = Entry("as declared, of each position", "m", lambda s: s.further_points, _FURTHER)
     FURTHER_ERROR = Entry(
         "points of the rigid arm on the reference, then, minus the positions that were read",
         "m",

@@ -42,6 +42,16 @@ class Shipped(NamedTuple):
         return [(replace(self.config, seed=seed), folder / f"seed-{seed}") for seed in range(seeds)]
 
 
+UNKNOWN = DAggerConfig(
+    environment="FlexArm/SquareUnknown-v0",
+    options={"last_actions": 1},
+    curriculum_options={"randomisation": WIDER},
+    rounds=5,
+    lags=HALF_A_SECOND,
+    deflection_limit=1.1,  # a margin for what the student does not know at the start
+    evaluation_laps=6,
+)
+
 AGENTS: dict[str, Shipped] = {
     "square": Shipped("PPO, shipped (`square`)", PPOConfig()),
     "filtered": Shipped(
@@ -66,16 +76,10 @@ AGENTS: dict[str, Shipped] = {
     ),
     "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP)),
     "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig()),
-    "student_unknown": Shipped(
-        "student, random arms (`student_unknown`)",
-        DAggerConfig(
-            environment="FlexArm/SquareUnknown-v0",
-            options={"last_actions": 1},
-            curriculum_options={"randomisation": WIDER},
-            rounds=5,
-            lags=HALF_A_SECOND,
-            deflection_limit=1.1,  # a margin for what the student does not know at the start
-            evaluation_laps=6,
-        ),
+    "student_unknown": Shipped("student, random arms (`student_unknown`)", UNKNOWN),
+    "student_unknown_stamped": Shipped(
+        "student, random arms, time stamps (`student_unknown_stamped`)",
+        replace(UNKNOWN, options=UNKNOWN.options | {"observation": [*LATE, "reading_age"]}),
+        drawn=False,
     ),
 }

@@ -1,0 +1,104 @@
+"""Observations do not tell what an episode draws of its late sensors; time stamps do, in a block of their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flexarm_env.envs.blocks import BLOCKS, PRIVILEGED
+from tests.support.plain import PlainEnvironment
+
+STAMP = "reading_age"
+# The arm rests while the reference leaves it and turns a corner after 0.25 s.
+STILL: dict[str, Any] = {
+    "arm": {"modes_per_link": 1},
+    "action_mode": "torque_rate",
+    "start": "corner",
+    "lap_time": 1.0,
+    "error_limit": None,
+    "noise": 0.003,
+    "delay": 0.03,
+    "second_sensor_link": 1,
+    "imu_link": 2,
+    "observation": [name for name, block in BLOCKS.items() if block.reads not in PRIVILEGED],
+}
+
+
+def observed(periods: int = 28, **drawn: float) -> dict[str, NDArray[np.float32]]:
+    """Return all blocks of an arm that rests, with some values drawn, one row for each period."""
+    draws = {name: (value, np.nextafter(value, np.inf)) for name, value in drawn.items()}
+    env = PlainEnvironment(**STILL, randomisation=draws)
+    env.reset(key=7)
+    rows = []
+    for _ in range(periods):
+        env.step([0.0, 0.0])
+        rows.append({name: env.block(name) for name in STILL["observation"]})
+    return {name: np.stack([row[name] for row in rows]) for name in STILL["observation"]}
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ({"delay": 0.004}, {"delay": 0.06}),
+        ({"delay": 0.0271}, {"delay": 0.0333}),
+        ({"jitter": 1e-4}, {"jitter": 4.9e-3}),  # readings still arrive in every period
+        ({"second_sensor_delay": 0.004}, {"second_sensor_delay": 0.0333}),
+    ],
+    ids=str,
+)
+def test_equal_readings_give_equal_observations_whatever_is_drawn(
+    one: dict[str, float], other: dict[str, float]
+) -> None:
+    """An arm at rest reads the same however late: only the time stamps may differ, in any block and to the bit."""
+    first, second = (observed(**drawn) for drawn in (one, other))
+    assert len(first) > 20
+    assert np.abs(np.diff(first["sensor_error"], axis=0)).max() > 0.1  # the reference moves away
+    for name in first:
+        if name != STAMP:
+            np.testing.assert_array_equal(first[name], second[name], err_msg=name)
+
+
+def test_time_stamps_tell_the_drawn_delay() -> None:
+    ages = [observed(periods=3, delay=late)[STAMP] for late in (0.004, 0.06)]
+    np.testing.assert_allclose(np.array(ages)[..., 0] * 0.05, [[0.004] * 3, [0.06] * 3], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"jitter": 0.02, "dropout": 0.3},
+        {"sensor_period": 0.025, "jitter": 0.03, "dropout": 0.2},
+        {"outage_time": 0.1, "outage_duration": 0.15, "randomisation": {"delay": (0.0, 0.05)}},
+    ],
+    ids=str,
+)
+def test_a_reading_is_the_tip_of_its_age_ago(options: dict[str, Any]) -> None:
+    """Held, lost and jittered readings: the true tip, by a spline through all periods, then; errors are held, too."""
+    env = PlainEnvironment(
+        arm={"modes_per_link": 1}, start="corner", delay=0.02, scaled=False, frame="world", control_period=5e-3,
+        observation=["sensed_position", STAMP, "sensor_error", "reference_position"], **options,
+    )  # fmt: skip
+    env.reset(key=3)
+    tips, sensed, ages, errors, targets = [], [], [], [], []
+    for period in range(60):
+        env.step([0.4 * np.sin(0.2 * period), 0.2])
+        tips.append(env.result("TRUE_TIP"))
+        sensed.append(env.block("sensed_position"))
+        ages.append(env.block(STAMP)[0])
+        errors.append(env.block("sensor_error"))
+        targets.append(env.block("reference_position"))
+    times, late = 5e-3 * np.arange(60), np.array(ages)
+    known, held = times - late > 0.01, np.r_[False, np.diff(late) > 0.00499]
+    assert known.sum() > 30
+    assert len(np.unique(np.round(late, 5))) > 5
+    tip = CubicSpline(times, np.array(tips))(times - late)
+    # vibrations of 20 Hz between points 5 ms apart leave the spline within 1e-4 of the tip; it moves by 1 mm a period
+    np.testing.assert_allclose(np.array(sensed)[known], tip[known], rtol=0.0, atol=2e-4)
+    np.testing.assert_array_equal(np.array(errors)[held], np.roll(errors, 1, axis=0)[held])
+    if "sensor_period" not in options:  # else the target is that at a tick; here that of four periods ago
+        expected, fresh = np.roll(targets, 4, axis=0) - np.array(sensed), known & ~held
+        np.testing.assert_allclose(np.array(errors)[fresh], expected[fresh], rtol=0.0, atol=2e-6)
