@@ -215,7 +215,7 @@ def millimetres(metres: float) -> str:
 def signed(metres: float) -> str:
     """Write how much an error is above another one in mm; to a hundredth below 10 mm."""
     digits = 2 if abs(metres) < 0.009995 else 1 if abs(metres) < 0.09995 else 0
-    return f"{1e3 * metres:+.{digits}f}"
+    return f"{round(1e3 * metres, digits) + 0.0:+.{digits}f}"  # no negative zero
 
 
 def point_text(point: Mapping[str, Any] | None, task: str, board: Board) -> str:

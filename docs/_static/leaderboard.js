@@ -7,7 +7,7 @@
   let board;
   flexarm.board = (data) => { board = data; };
 
-  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 1, down: false, marked: null };
+  const state = { view: OVERVIEW, lap: 0, figure: "", barred: new Set(), text: "", sort: 1, down: false, marked: null };
   const NONE = { rank: 2, text: "–", title: "not applicable" };
 
   /** Return the figures of a column's point, and which of them is shown: the one that is chosen, else the headline. */
@@ -342,7 +342,7 @@
     const change = (name) => (value) => { state[name] = value; draw(); };
     parts.lap = choices("Lap", "board-lap", board.laps.map((lap, n) => [String(n), lap]), "0", (value) => change("lap")(Number(value)));
     const titles = Object.values(board.tasks).flatMap((task) => Object.entries(task.figures).map(([name, one]) => [name, one.title]));
-    parts.figure = list("Figure", [...new Map(titles)], state.figure, change("figure"));
+    parts.figure = list("Figure", [["", "headline"], ...new Map(titles)], state.figure, change("figure"));
     parts.count = element("span", { class: "fx-hint", role: "status" });
     parts.chart = element("div");
     parts.table = element("table", { class: "fx-board" });
