@@ -200,7 +200,7 @@
 
   const LABELLED = 6; // rows
   const ERRORS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2]; // [m], of the chart's lines across
-  const [TALL, LEFT, RIGHT, TOP, BOTTOM, LINE] = [320, 46, 140, 12, 36, 13]; // [px]
+  const [TALL, LEFT, RIGHT, TOP, BOTTOM, LINE] = [320, 46, 160, 12, 36, 13]; // [px]
 
   /** Return the chart of the view's axis: the first rows of the table in colours and with their names, the others in grey. */
   function chart(found) {
@@ -262,15 +262,15 @@
 
   /** Return a plot of all columns beside each other: the 90th percentile of each, on a scale of its own; lost is on top. */
   function parallel(found) {
-    const names = Object.keys(board.columns).filter((name) => found.some((row) => row.whole[name]));
+    const names = Object.keys(board.columns).filter((name) => name !== "nominal" && found.some((row) => row.whole[name]));
     if (names.length < 2) return [];
     const width = Math.max(320, parts.chart.clientWidth);
-    const right = width - RIGHT;
-    const [tall, bottom, top] = [TALL + 60, 90, TOP + 26];
+    const [left, right] = [84, width - RIGHT];
+    const [tall, bottom, top] = [TALL + 80, 120, TOP + 26];
     const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${tall}`, role: "img", "aria-label": "90th percentile of the entries in every column; each column's table has the figures" });
-    picture.append(drawn("text", { x: LEFT - 8, y: TOP + 4, "text-anchor": "end" }, "lost"));
+    picture.append(drawn("text", { x: left - 8, y: TOP + 4, "text-anchor": "end" }, "lost"));
     const axes = names.map((name, n) => {
-      const x = LEFT + (n / (names.length - 1)) * (right - LEFT);
+      const x = left + (n / (names.length - 1)) * (right - left);
       const cells = new Map(found.map((row) => [row.name, quantile(row, name, "p90")]));
       const values = [...cells.values()].filter((one) => one.rank === 0).map((one) => one.value);
       const [low, high] = [Math.min(...values), Math.max(...values)];
