@@ -27,7 +27,7 @@ from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
-from flexarm_baselines.predictive import DOUBTFUL, NMPC, STAMPED, UNKNOWN, StampedNMPC, StateNMPC
+from flexarm_baselines.predictive import DOUBTFUL, NMPC, SOFT, STAMPED, UNKNOWN, StampedNMPC, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -162,6 +162,12 @@ CONTROLLERS: dict[str, Controller] = {
         "as `nmpc_adaptive`, with time stamps of the late tip in the place of its estimated delay",
         f"{DIEHL}; {LJUNG}",
         {"unknown": STAMPED, "noise": DOUBTFUL},
+    ),
+    "nmpc_deflection": Controller(
+        NMPC,
+        "as `nmpc`, with the links' deflections kept below 1.2 m by a soft constraint",
+        f"{DIEHL}; Kerrigan & Maciejowski, UKACC Control 2000",
+        {"deflection_limit": SOFT},
     ),
     "nmpc_path": Controller(
         NMPC, "as `nmpc`, about a run of its own that is not optimised", DIEHL, {"reference": "path"}

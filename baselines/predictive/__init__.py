@@ -3,6 +3,7 @@
 from flexarm_baselines.predictive.controller import (
     DOUBTFUL,
     NMPC,
+    SOFT,
     STAMPED,
     UNKNOWN,
     GaugedNMPC,
@@ -16,6 +17,7 @@ from flexarm_baselines.predictive.reference_run import ReferenceRun, previewed
 __all__ = [
     "DOUBTFUL",
     "NMPC",
+    "SOFT",
     "STAMPED",
     "UNKNOWN",
     "GaugedNMPC",

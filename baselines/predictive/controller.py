@@ -19,6 +19,7 @@ from flexarm_baselines.along_plans import PlanController, within_half_a_turn
 from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.optimal.laps import DEFLECTION
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
 from flexarm_baselines.predictive.reference_run import ReferenceRun, previewed
@@ -39,6 +40,7 @@ NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0
 # For a filter that estimates quantities, too: motors that are late, and vibrations that the model lacks, would else be
 # taken for another payload or stiffness.
 DOUBTFUL = replace(NOISE, joint_angle=3e-3, joint_rate=1.0)
+SOFT = 0.8 * 1.5  # [m]; a published arm of least stiffness bends to an episode's limit where the model is at this one
 REFERENCES = ("plan", "path")
 
 
@@ -61,6 +63,7 @@ class PredictiveController(PlanController):
         change_weight: float = CHANGE_WEIGHT,
         damping: float = 0.0,
         step: float = STEP,
+        deflection_limit: float = DEFLECTION,
     ) -> None:
         """Sweep along the reference run.
 
@@ -75,6 +78,7 @@ class PredictiveController(PlanController):
             change_weight: weight on changes of the torques, see `TrackingProblem` [m^2].
             damping: see `RealTimeIteration`.
             step: step of the model's integration [s].
+            deflection_limit: of the links' tips off their root tangents, a soft constraint [m].
 
         Raises:
             ValueError: naming what does not fit.
@@ -89,7 +93,8 @@ class PredictiveController(PlanController):
         if periods < 1 or abs(periods * task.period - horizon) > 1e-9:
             raise ValueError(f"horizon = {horizon!r}: must be a whole number of control periods of {task.period} s")
         self.iterations = integer("iterations", iterations, 1)
-        runs = ReferenceRun.along(self.plans, arm, periods, change_weight=change_weight)
+        number("deflection_limit", deflection_limit, "m", above=0.0)
+        runs = ReferenceRun.along(self.plans, arm, periods, change_weight, deflection_limit)
         number("damping", damping, "m^2", least=0.0)
         self.iteration = RealTimeIteration(arm, runs, periods, task.torque_limit, task.period, step, damping)
 

@@ -50,7 +50,14 @@ class ReferenceRun:
     deflection_limit: float
 
     @classmethod
-    def along(cls, plans: Sequence[Plan], model: FlexibleArm, horizon: int, change_weight: float) -> Self:
+    def along(
+        cls,
+        plans: Sequence[Plan],
+        model: FlexibleArm,
+        horizon: int,
+        change_weight: float,
+        deflection_limit: float = DEFLECTION,
+    ) -> Self:
         """Sweep backward along plans of one reference.
 
         Args:
@@ -58,6 +65,7 @@ class ReferenceRun:
             model: arm that is linearised along them.
             horizon: periods.
             change_weight: see `TrackingProblem` [m^2].
+            deflection_limit: see there [m].
         """
         parts = []
         for plan in plans:
@@ -67,7 +75,7 @@ class ReferenceRun:
                 plan.reference,
                 plan.limits,
                 change_weight=change_weight,
-                deflection_limit=DEFLECTION,
+                deflection_limit=deflection_limit,
                 period=plan.period,
                 step=plan.step,
             )
@@ -87,7 +95,7 @@ class ReferenceRun:
             tip_weights=_faded(np.full(instants, 1.0 / instants), horizon),
             torque_weights=problem.weights,
             deflection_weight=DEFLECTION_WEIGHT / instants,
-            deflection_limit=DEFLECTION,
+            deflection_limit=deflection_limit,
         )
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -22,6 +23,7 @@ from flexarm_baselines.predictive import (
     StateNMPC,
     previewed,
 )
+from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.feedback import Rollout
 from tests.support.late_arm import ARM, BLOCKS, LIMITS, PERIODS, PLACES, SIZE, START, Plant, off_plan, task
 
@@ -271,3 +273,11 @@ def test_refusals() -> None:
         NMPC(task())
     with pytest.raises(ValueError, match="GaugedNMPC reads the block 'modal_coordinates'"):
         GaugedNMPC(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), plans=[plan()])
+
+
+@pytest.mark.parametrize("limit", [1.2, 0.9])
+def test_the_deflection_is_constrained(limit: float) -> None:
+    """The best plan of the swing lap bends link 1 by 1.4 m at the start; with a lower limit the arm stays below it."""
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **NMPC.options())
+    run = run_policy(env, NMPC.for_env(env, deflection_limit=limit), lap="swing", max_steps=50)
+    assert np.abs(run.tip_deflection).max() == pytest.approx(limit, abs=0.01)  # soft: a few millimetres beyond it
