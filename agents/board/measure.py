@@ -27,6 +27,7 @@ from flexarm_env.validation import choice
 DATA, TABLE = "leaderboard.json", "leaderboard.csv"
 PUBLISHED = Path(__file__).with_name(DATA)  # the whole board, as it was measured last; beside it is the schema
 INCOMPLETE = "their entries lack cells, the cells that were computed are kept"  # after a failure
+ALL = "all"  # in the place of all names
 DIGITS = 6  # of the figures in the board's file
 
 
@@ -42,10 +43,10 @@ def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Seq
 
 
 def chosen_columns(names: Sequence[str]) -> dict[str, Column]:
-    """Return columns by their names."""
+    """Return columns by their names, or "all"."""
     for name in names:
-        choice("columns", name, tuple(COLUMNS))
-    return {name: column for name, column in COLUMNS.items() if name in names}
+        choice("columns", name, (*COLUMNS, ALL))
+    return {name: column for name, column in COLUMNS.items() if name in names or ALL in names}
 
 
 def measure(

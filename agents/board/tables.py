@@ -99,20 +99,21 @@ def best_of(board: Board) -> Iterator[Best]:
                 yield Best(task, figure, values)
 
 
-def ranking(board: Board) -> str:
-    """Write what becomes of each entry on unknown arms, how near it is to the best plans known, and what it reads."""
-    best = list(best_of(board))
+def ranking(board: Board, narrow: bool = False) -> str:
+    """Write what becomes of each entry on unknown arms; unless narrow, how near it is to plans, what it reads."""
+    best = [] if narrow else list(best_of(board))
     titles = [f"{one.task}, {board['tasks'][one.task]['figures'][one.figure]['title']}" for one in best]
     laps = [" / ".join(one.values) for one in best]
     over = [f"{name}: over the best plan, {each} [mm]" for name, each in zip(titles, laps, strict=True)]
-    head = ["", "entry", *UNKNOWN, *over, "reads"]
+    head = ["", "entry", *UNKNOWN, *over, *([] if narrow else ["reads"])]
     lines: list[list[str]] = []
     for entry in filter(on_square, ranked(board)):
         if not has_rank(entry) and UNRANKED not in [line[1] for line in lines]:
             lines.append(["", UNRANKED, *[""] * (len(head) - 2)])
         number = str(len(lines) + 1) if has_rank(entry) else ""
         cells = (" / ".join(LOST if one is None else signed(one) for one in each.over(entry, board)) for each in best)
-        lines.append([number, title(entry), *unknown_cells(entry), *cells, ", ".join(entry["reads"]) or "nothing"])
+        reads = [] if narrow else [", ".join(entry["reads"]) or "nothing"]
+        lines.append([number, title(entry), *unknown_cells(entry), *cells, *reads])
     return table(head, lines)
 
 

@@ -12,6 +12,7 @@ from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, DRAWN, PART, measurable, phases
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.measure import (
+    ALL,
     DATA,
     INCOMPLETE,
     beside,
@@ -21,7 +22,7 @@ from flexarm_agents.board.measure import (
     published,
     write,
 )
-from flexarm_agents.board.tables import tables
+from flexarm_agents.board.tables import place, ranking, tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
 from flexarm_agents.commands.progress import progress_bar
@@ -44,7 +45,7 @@ def parser() -> Reader:
     reader = of_verb("leaderboard", DESCRIPTION)
     entries = "names of entries to measure; without it those of --add alone, or all"
     reader.add_argument("--entries", nargs="+", default=(), metavar="ENTRY", help=entries)
-    columns = f"names of columns; {' '.join(HEADLINE)}"
+    columns = f"names of columns, or {ALL}; {' '.join(HEADLINE)}"
     reader.add_argument("--columns", nargs="+", default=HEADLINE, metavar="COLUMN", help=columns)
     added = (
         "further entries: module:attribute, a training's folder or npz file, or a JSON file with the fields of an entry"
@@ -79,8 +80,12 @@ def run(arguments: Sequence[str]) -> None:
     """Measure, write tables and data, print the ranking; an error says which cells could not be computed."""
     given = parser().parse_args(arguments)
     entries, results, failed = measured(given)
-    found = tables(beside(results, published() or results))
-    for text in [found["ranking"]] if "ranking" in found else tables(results).values():
+    board = beside(results, published() or results)
+    whole = {"nominal", "unknown"} <= board["columns"].keys()
+    for text in [ranking(board, narrow=True)] if whole else tables(results).values():
         print(f"{from_markdown(text, width())}\n")
+    for entry in entries if whole else ():
+        if rank := place(board, entry.name):
+            print(f"{entry.name}: rank {rank[0]} of {rank[1]}")
     print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables beside it")
     check_failures(failed, given.output, INCOMPLETE)
