@@ -37,7 +37,7 @@ class ActionMode:
         limit: the option that sets the quantity at a = 1; `Settings.action_limit` has its value.
         channels: what each entry belongs to.
         least: the quantity at a = -1, as a share of that at 1: -1 or 0.
-        mirror: sign of each entry in the mirrored episode (`FlexArmEnvBase.mirror_action`).
+        mirror: sign of each entry in the mirrored episode, repeated over them (`FlexArmEnvBase.mirror_action`).
         idle: the action that commands nothing; the actions before an episode's first one.
         program: name of the kernels' program (`episode.step.PROGRAMS`).
         integrator: "explicit" (Runge-Kutta) or "implicit" (ARS(4,4,3)); it sets the stability bound
@@ -47,6 +47,7 @@ class ActionMode:
         torque_limit: default of that option [N m]; None: no limit.
         accumulates: the command is the sum of the actions, and the kernels keep it beside them.
         shifts: the action shifts the aim of the joint-space law; its delay is then a whole number of periods.
+        races: the last entry is the speed of the reference along the path (`episode.race`), whose formulas are `PACE`.
         options: options that only some modes read, and this one does.
     """
 
@@ -58,7 +59,7 @@ class ActionMode:
     limit: str
     channels: tuple[str, ...] = JOINTS
     least: float = -1.0
-    mirror: int = -1
+    mirror: tuple[int, ...] = (-1,)
     idle: float = 0.0
     program: str
     integrator: Literal["explicit", "implicit"] = "explicit"
@@ -66,9 +67,11 @@ class ActionMode:
     torque_limit: tuple[float, float] | None = TORQUE_LIMIT
     accumulates: bool = False
     shifts: bool = False
+    races: bool = False
     options: tuple[str, ...] = ()
 
 
+PACE = ("speed", "reference_speed * a", "speed / reference_speed", "m/s")  # quantity, formula, inverse, unit
 MODES: dict[str, ActionMode] = {
     "torque": ActionMode(
         text="torque of the motors, held over the control period",
@@ -126,7 +129,7 @@ MODES: dict[str, ActionMode] = {
         limit="gain_limit",
         channels=("law",),
         least=0.0,
-        mirror=1,
+        mirror=(1,),
         idle=-1.0,
         program="gain",
         integrator="implicit",
@@ -136,6 +139,22 @@ MODES: dict[str, ActionMode] = {
             *("gain_limit", "proportional_gain", "derivative_gain", "compensation"),
             *("feedback_source", "rate_jacobian", "delayed"),
         ),
+    ),
+    "race": ActionMode(
+        text="torque of the motors, held over the control period; and the speed at which the reference moves along the "
+        "path. It approaches the commanded speed by `reference_acceleration * control_period` at most in a control "
+        "period, over which it is constant; below 0 stands for standstill. There is no clock: the episode ends when "
+        "`race_laps` laps are done",
+        quantity="torque",
+        unit="N m",
+        formula="torque_limit * a",
+        inverse="torque / torque_limit",
+        limit="torque_limit",
+        channels=(*JOINTS, "reference"),
+        mirror=(-1, -1, 1),
+        program="race",
+        races=True,
+        options=("race_laps", "reference_speed", "reference_acceleration", *ON_THE_ARM[1:], *IDEAL_MOTORS),
     ),
 }
 

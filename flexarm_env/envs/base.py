@@ -22,6 +22,7 @@ RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 
+A_RACE = 60.0  # [s]; long enough for three laps of the square
 NOBODY = np.zeros(0, dtype=np.int64)
 NOBODY.setflags(write=False)
 
@@ -91,7 +92,7 @@ class FlexArmEnvBase:
     @property
     def action_mirror(self) -> NDArray[np.float32]:
         """Sign of each number of an action in the mirrored episode. Shape (channels,)."""
-        return np.full(len(self.settings.action_limit), self.settings.mode.mirror, dtype=np.float32)
+        return np.resize(np.float32(self.settings.mode.mirror), len(self.settings.action_limit))
 
     def mirror_observation(self, observation: ArrayLike) -> NDArray[np.float32]:
         """Return what the mirrored arm observes; mirroring twice gives the observation back.
@@ -133,8 +134,9 @@ class FlexArmEnvBase:
 
     @property
     def lap_steps(self) -> int:
-        """Control periods in a lap; in the longest, where episodes draw it."""
-        return max(1, round(self.settings.laps[1] / self.settings.control_period))
+        """Control periods in a lap; in the longest, where episodes draw it; of a race, in a minute."""
+        longest = A_RACE if self.settings.mode.races else self.settings.laps[1]
+        return max(1, round(longest / self.settings.control_period))
 
     # --- what later steps and episodes take --------------------------------------------------------------------------
 

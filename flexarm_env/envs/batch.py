@@ -31,6 +31,7 @@ from flexarm_env.envs.own_paths import moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import States, Views, Words
+from flexarm_env.episode.race import FINISHED
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, segment, word
 from flexarm_env.kernels.layout import sizes_between
 from flexarm_env.kernels.states import failures
@@ -51,7 +52,8 @@ REASONS: dict[float, str | None] = {
     -2.0: "deflection",
     -3.0: "error",
     OWN_END: "own",
-}  # beside those of a state (`observe.termination_status`)
+    FINISHED: "finished",
+}  # beside those of a state (`observe.termination_status`, `race`)
 
 
 class BatchSimulator(LaneBatch):

@@ -54,6 +54,7 @@ def reach_of(settings: Settings) -> Workspace:
         radius = max(float(np.linalg.norm(table[:, 1:], axis=1).max()) for table in tables)
         moves = [np.diff(table, axis=0) for table in tables]
         speed = max(float((np.linalg.norm(move[:, 1:], axis=1) / move[:, 0]).max()) for move in moves)
+        speed *= settings.reference_speed if settings.mode.races else 1.0  # tables by distance have directions
     else:
         radius = (MOVE_RING[1] if settings.reference == ("moves",) else 1.0) * settings.flexible_arm.parameters.reach
         speed = largest_speed(settings)

@@ -71,8 +71,8 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     },
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "lap_time": (
-        lambda s: lap_of(s.waypoints) in (None, s.lap_time),
-        "with way-points without times; otherwise the last one's time is the lap time",
+        lambda s: lap_of(s.waypoints) == s.lap_time or (lap_of(s.waypoints) is None and not s.mode.races),
+        "with way-points without times, where the last one's time is not the lap time; a race has no clock",
     ),
     "corner_time": (
         lambda s: s.reference not in (("moves",), ("drawn",), ("target",)),
@@ -155,6 +155,10 @@ def _refuse_contradictions(settings: Any) -> None:
                 raise ValueError(
                     f"observation block {name!r}: there is no {sensor.title}; give {sensor.name}_link (1 or 2) too"
                 )
+    if settings.mode.races:
+        _refuse_no_race(settings)
+    elif any(settings.reward_weights.get(name, 0.0) for name in reward.OF_RACES):
+        raise ValueError(f"reward_weights: {', '.join(reward.OF_RACES)}: only with action_mode = 'race'")
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:
@@ -171,6 +175,20 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
+
+
+def _refuse_no_race(settings: Any) -> None:
+    """Refuse what a race cannot have: its reference rests at first, on one of the closed paths, without a clock."""
+    if settings.start not in ("corner", "corners"):
+        raise ValueError(f"start = {settings.start!r}: a race begins at rest; must be 'corner' or 'corners'")
+    if not (settings.paths and "lap_time" not in settings.randomisation):
+        raise ValueError(
+            f"reference = {shown(settings.reference)}: a race needs paths that are given, and no lap_time in "
+            "randomisation"
+        )
+    step = settings.reference_speed * settings.control_period
+    if min(path.lap_time for path in settings.paths) <= step:
+        raise ValueError(f"reference_speed = {settings.reference_speed} m/s: a lap must be longer than {step:g} m")
 
 
 def _ends(settings: Any, name: str, own: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:

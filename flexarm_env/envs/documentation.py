@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.actions import JOINTS, MODES, PACE, ActionMode, modes_reading
 from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
@@ -124,18 +124,23 @@ def action_table(settings: Settings | None = None) -> str:
     if settings is None:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit", "mirrored")
         modes = MODES.items()
-        return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
+        return table(
+            header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one, 0)) for name, one in modes]
+        )
     mode = settings.mode
     rows = [
-        (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
+        (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode, n))
         for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
     ]
     return table(("number", "of", "at a = -1", "at a = 1", "quantity", "action", "unit", "mirrored"), rows)
 
 
-def _formulas(mode: ActionMode) -> tuple[str, str, str, str]:
-    """Write the map between action and quantity, the unit, and the sign of a mirrored action."""
-    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit, _signs((mode.mirror,))
+def _formulas(mode: ActionMode, n: int) -> tuple[str, str, str, str]:
+    """Write the map between an entry of the action and its quantity, the unit, and the sign of a mirrored one."""
+    quantity, formula, inverse, unit = mode.quantity, mode.formula, mode.inverse, mode.unit
+    if mode.channels[n] not in JOINTS and mode.races:
+        quantity, formula, inverse, unit = PACE
+    return f"`{quantity} = {formula}`", f"`a = {inverse}`", unit, _signs(mode.mirror[n % len(mode.mirror) :][:1])
 
 
 def _signs(signs: tuple[int, ...]) -> str:
@@ -172,7 +177,7 @@ def block_table(settings: Settings | None = None) -> str:
             f"`{part.start}:{part.stop}`",
             block.unit,
             block.reads or "",
-            _signs(block.mirror or (settings.mode.mirror,)),
+            _signs(block.mirror or settings.mode.mirror),
             figures(layout.bound[part] * scale),
         ]
         numbers.append([*cells, *[figures(scale)] * settings.scaled, block.what])

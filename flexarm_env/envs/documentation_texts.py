@@ -50,6 +50,12 @@ controller has to find them, or to observe `reading_age`, the readings' time sta
 `sensor_error` is the vector from that point to where the *tip* should be; for the "rigid" sensor it mixes two moments.
 
 {PARAGRAPHS}"""
+RACE = """\
+A race (`action_mode="race"`) has no clock. The target rests at first, and the third number of the action is the speed
+at which it moves along the path. That speed changes by `reference_acceleration` times the control period at most.
+Previews are by distance, with horizons in m. Errors of late readings are from the present target. The path may be any
+closed one; its length counts, not its times. `info["lap_times"]` has the times of the first lap, of the fastest, and of
+all, to the instant at which the target ends them. A lost race has no time."""
 DISTURBANCES = """\
 `pulse_force` pushes the tip, once or every `pulse_period` seconds. Its generalised force is the tip's Jacobian
 transposed times it, so that it does the work of the force; an accelerometer feels it. `gauge_drift` moves what strain

@@ -45,6 +45,7 @@ class Key(NamedTuple):
 
 
 TERM = "reward_"  # prefix of the key of a term of the reward
+_RACE = '`action_mode` is "race"'
 KEYS = {
     "torque": Key(
         "of shoulder and elbow at the start of the period that ended, its mean where motors are not ideal; 0 after a "
@@ -103,6 +104,11 @@ KEYS = {
         "SUCCESS",
         where='`reference` is "moves" or `payload_changes` is set',
     ),
+    "progress": Key("way of the reference since the episode began", "m", "PROGRESS", where=_RACE),
+    "reference_speed": Key("speed of the reference in the period that ended", "m/s", "REFERENCE_SPEED", where=_RACE),
+    "lap_times": Key(
+        "of the first lap, of the fastest, of all; 0 where these are not done; shape (3,)", "s", "LAP_TIMES", 3, _RACE
+    ),
     "payload": Key("mass that the tip carries", "kg", "CARRIED", where="`payload_changes` is set"),
     **{
         sensor.info: Key(
@@ -126,6 +132,8 @@ def info_keys(settings: Settings) -> tuple[str, ...]:
         left_out.add("gain")
     if settings.reference != ("moves",) and not settings.payload_changes:
         left_out.add("is_success")
+    if not settings.mode.races:
+        left_out |= {name for name, key in KEYS.items() if key.where == _RACE}
     if not settings.payload_changes:
         left_out.add("payload")
     left_out |= {sensor.info for sensor in FURTHER} - {one.sensor.info for one in settings.further_sensors}

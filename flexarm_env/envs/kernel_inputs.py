@@ -188,7 +188,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
         "CHANGE_PHASES": [phase for phase, _ in s.payload_changes or ()],
         "CHANGE_MASSES": [NAN if mass is None else mass for _, mass in s.payload_changes or ()],
-        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
+        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in list(TERMS)[: program.reward_terms]],
     }
     *places, (last, _) = Setting.layout(shape_of(s, program)).items()
     assert last == "HORIZONS"
@@ -286,6 +286,8 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "LIMITS": state_limits(arm),
         "LAP": [s.lap_time],
+        "PACE": (s.reference_speed, s.reference_acceleration),
+        "RACE_LAPS": [s.race_laps],
         **place_rows("TIP", arm.place(2, length)),
         **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
         "RATE_LATE": [float(s.delayed == "position+rate")],

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexarm_env.actions import IDEAL_MOTORS, MODES
-from flexarm_env.allowed import Allowed, Custom, Number, OneOf, Optional, Pair, ZeroOr, allowed_of, declared
+from flexarm_env.allowed import Allowed, Custom, Integer, Number, OneOf, Optional, Pair, ZeroOr, allowed_of, declared
 from flexarm_env.envs.consistency import checked_arm, checked_changes
 from flexarm_env.parameters import (
     MAX_DELAY,
@@ -90,6 +90,15 @@ class MotionOptions:
     pulse_duration: float = own(0.1, "how long a pulse lasts", Number(1e-6, 1e6, "s"))
     pulse_period: float = own(
         0.0, "from the beginning of one pulse to that of the next; 0: there is one", ZeroOr(1e-6, 1e6, "s")
+    )
+    race_laps: int = option(3, "laps of a race", Integer(1, 1000))
+    reference_speed: float = option(
+        25.0, "speed of the reference along the path at action 1, in a race", Number(1e-3, 1e3, "m/s")
+    )
+    reference_acceleration: float = option(
+        100.0,
+        "largest change of that speed per second; the default reaches the default speed in a quarter of a second",
+        Number(1e-3, 1e6, "m/s^2"),
     )
     gain_limit: float = own(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = option(

@@ -124,7 +124,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         share = settings.flexible_arm.parameters.reach / REACH if block.unit in ("m", "m/s") else 1.0
         scale += [share * one for one in limits.scale] if settings.scaled else [1.0] * count
         bound += limits.bound
-        mirror += np.resize(block.mirror or (settings.mode.mirror,), count).tolist()
+        mirror += np.resize(block.mirror or settings.mode.mirror, count).tolist()
     scales = np.array(scale)
     # rounded outwards, so that the float32 of a value at the bound is inside
     limit = np.nextafter((np.array(bound) / scales).astype(np.float32), np.float32(np.inf))

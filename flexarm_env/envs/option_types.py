@@ -29,6 +29,9 @@ class EnvOptions(TypedDict, total=False):
     pulse_time: float
     pulse_duration: float
     pulse_period: float
+    race_laps: int
+    reference_speed: float
+    reference_acceleration: float
     gain_limit: float
     shift_limit: Sequence[float]
     inner_stiffness: Sequence[float]

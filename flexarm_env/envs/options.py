@@ -155,7 +155,9 @@ class Options(MotionOptions):
         "link", 'frame of blocks in m and m/s: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
     )
     previews: tuple[float, ...] = _option(
-        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "how far ahead the block `previews` looks", Custom(checked_previews, "s")
+        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0),
+        "how far ahead the block `previews` looks; in a race in m",
+        Custom(checked_previews, "s"),
     )
     last_actions: int = _option(1, "number of actions in the block `last_actions`", Integer(1, 100))
     scaled: bool = _option(True, "divide each block by its scale", Flag())

@@ -63,6 +63,8 @@ def reset_requests_of(
             check_moving_start(simulator.settings, name)
         reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:
+        if simulator.settings.mode.races:
+            raise ValueError("options['time']: a race has no clock; must be left out")
         lap = min(one.laps[0] for one in simulator.each)
         reset_requests[:, column.PHASE] = _numbers(
             "options['time']", asked["time"], simulator, 0.0, np.nextafter(lap, 0.0)

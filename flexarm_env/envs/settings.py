@@ -24,7 +24,7 @@ from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
-from flexarm_env.physics.paths import PATHS, ReferencePath, rounded, way_points
+from flexarm_env.physics.paths import PATHS, ReferencePath, by_distance, rounded, way_points
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.stability import (
     Integration,
@@ -208,7 +208,8 @@ class Settings(Options):
         turn, n = divmod(index, len(self.reference))
         name, task = self.reference[n], SquareParameters(self.side, self.lap_time, self.start_corner, DIRECTIONS[turn])
         path = PATHS[name](task) if name in PATHS else way_points(task, self._way_points(name))
-        return rounded(path, self.corner_time)
+        path = rounded(path, self.corner_time)
+        return by_distance(path) if self.mode.races else path
 
     def _way_points(self, name: str) -> Any:
         return self.waypoints[name] if isinstance(self.waypoints, Mapping) else self.waypoints
@@ -281,6 +282,8 @@ class Settings(Options):
     @property
     def action_limit(self) -> tuple[float, ...]:
         """Physical value of the action 1 in each channel."""
+        if self.mode.races:
+            return (*self.motor_limit, self.reference_speed)
         if self.mode.limit == "torque_limit":
             return self.motor_limit
         limit = getattr(self, self.mode.limit)

@@ -15,6 +15,7 @@ ENDS = {
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
     "diverged": "a number of the state is not finite",
     "own": "the function `termination` says so",
+    "finished": "the laps of a race are done",
 }
 NOT_TERMINATED = "none"
 END_CODES = {NOT_TERMINATED: 0} | {reason: code for code, reason in enumerate(ENDS, 1)}

@@ -16,6 +16,7 @@ from flexarm_env.codegen.declarations import Function, chosen_by_program, per_la
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.disturbances import push_tips
 from flexarm_env.episode.payload import change_payloads
+from flexarm_env.episode.race import move_references
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
@@ -178,6 +179,13 @@ def add_up_torques(block: Block) -> None:
         for i in range(variant.lanes):
             change, limit = arena[row.ACTION_SCALE + r, i] * settings[setting.PERIOD], arena[row.TORQUE_LIMIT + r, i]
             arena[torques + r, i] = clip(arena[torques + r, i] + change * arena[actions + r, i], -limit, limit)
+
+
+@drives("race", "actions are torques and the speed of the reference", "race")
+def drive_race(block: Block) -> None:
+    """Move the arm by torques, and the reference along its path at a speed; both are the action."""
+    move_references(block)
+    drive_torque(block)
 
 
 @drives("torque_rate", "actions are changes of the torques")

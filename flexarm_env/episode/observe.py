@@ -23,12 +23,13 @@ from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.disturbances import read_gauges
 from flexarm_env.episode.payload import NEAR
+from flexarm_env.episode.race import lap_of, note_finish
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import truth_kernel
-from flexarm_env.kernels.reference import follow_reference
+from flexarm_env.kernels.reference import follow_reference, path_time
 from flexarm_env.kernels.states import state_status
 from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
@@ -109,6 +110,8 @@ def update_measurements(block: Block) -> None:
     if variant.own_paths:
         note_rest(block)
     termination_status(arena, settings)
+    if variant.racing:
+        note_finish(block)
 
 
 def count_encoders(arena: Arena, settings: Table) -> None:
@@ -131,12 +134,12 @@ def note_times(block: Block) -> None:
     settings, arena, clock = block.settings, block.arena, block.clock
     h = settings[setting.STEP]
     for i in range(variant.lanes):
-        now = clock[clock_row.STEPS, i] * h
+        now = path_time(arena, clock, h, 0.0, i)
         within = now - arena[row.PRESENT_SEGMENT + segment.LAP, i]
         passed = within - arena[row.PRESENT_SEGMENT + segment.BEGIN, i]
         arena[row.SEGMENT_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
         arena[row.SEGMENT_LEFT, i] = arena[row.PRESENT_SEGMENT + segment.END, i] - within
-        laps = now / arena[row.LAP, i]
+        laps = now / lap_of(block, i)
         arena[row.PHASE, i] = laps - floor(laps)
         arena[row.TIME, i] = (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) * h
 
@@ -214,7 +217,7 @@ def termination_status(arena: Arena, settings: Table) -> None:
 
 
 def write_previews(block: Block) -> None:
-    """Write the displacement of the reference until each horizon, in the frame.
+    """Write the displacement of the reference until each horizon, in the frame; of a race, horizons are distances.
 
     The velocities of the present side and the next are cached, so that this is vectorised over the lanes; the path is
     searched only for horizons beyond them.
@@ -234,7 +237,7 @@ def write_previews(block: Block) -> None:
             beyond += after > arena[row.NEXT_TIME, i]
         for i in range(variant.lanes if beyond > 0 else 0):
             if horizon - arena[row.SEGMENT_LEFT, i] > arena[row.NEXT_TIME, i]:
-                time = clock[clock_row.STEPS, i] * settings[setting.STEP] + horizon
+                time = path_time(arena, clock, settings[setting.STEP], 0.0, i) + horizon
                 there = reference_at(paths, clock[clock_row.PATH, i], time, time, -1e18)
                 x, y = there[0] - arena[row.REFERENCE, i], there[1] - arena[row.REFERENCE + 1, i]
                 write_preview(arena, preview, i, x, y)

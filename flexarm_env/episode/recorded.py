@@ -32,6 +32,8 @@ def features_record(variant: Variant) -> Recorder:
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)
     terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
+    if variant.racing:
+        terms.append(reward.progress_term(r.one("REFERENCE_SPEED"), r.read("PACE")[0]))
     weighted = [weight * term for weight, term in zip(r.elements("weights", len(terms)), terms, strict=True)]
     r.write("REWARD_TERMS", weighted)
     total = weighted[0]

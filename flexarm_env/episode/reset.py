@@ -14,6 +14,7 @@ from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, T
 from flexarm_env.codegen.elementary import sincos, uniform
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode.payload import begin_payload, set_constants
+from flexarm_env.episode.race import begin_race
 from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import (
@@ -30,7 +31,7 @@ from flexarm_env.kernels.entries import (
 from flexarm_env.kernels.imex import prepare_law
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import elimination_kernel, momentum_kernel
-from flexarm_env.kernels.reference import invalidate_segment
+from flexarm_env.kernels.reference import invalidate_segment, path_time
 from flexarm_env.kernels.states import enter_state
 from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
@@ -95,10 +96,12 @@ def draw_start(block: Block, key: np.uint64, request: ResetRequest, i: int) -> N
         phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
     if request[column.PHASE] == request[column.PHASE]:
         phase = request[column.PHASE]
-    clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
+    clock[clock_row.STEPS, i] = 0 if variant.racing else int(phase / settings[setting.STEP] + 0.5)
     clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]
     clock[clock_row.SINCE, i] = LONG_AGO if kind == MOVING else clock[clock_row.STEPS, i]
-    arena[row.START_TIME, i] = clock[clock_row.BEGAN, i] * settings[setting.STEP]
+    arena[row.START_TIME, i] = phase if variant.racing else clock[clock_row.BEGAN, i] * settings[setting.STEP]
+    if variant.racing:
+        begin_race(block, i)
 
 
 def is_moving(clock: Clock, i: int) -> bool:
@@ -153,7 +156,7 @@ def initial_state(block: Block, key: np.uint64, request: ResetRequest, i: int) -
     """Set the state of lane i: the requested one, or the rigid arm on the reference, with deviations if it moves."""
     settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     moving = is_moving(clock, i)
-    now = clock[clock_row.STEPS, i] * settings[setting.STEP]
+    now = path_time(arena, clock, settings[setting.STEP], 0.0, i)
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
     theta1, theta2 = joint_angles_for(length_1, length_2, arena[row.BRANCH, i], reference[0], reference[1])
@@ -317,7 +320,9 @@ def seed_sensor(block: Block, i: int) -> None:
     nominal = arena[row.NOMINAL_DELAY, i] + max(settings[setting.PERIOD], arena[row.NOMINAL_HOLD, i])
     taken = clock[clock_row.STEPS, i] * h - nominal
     point = sensed_point(block, i, late, late + later)
-    reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
+    place = arena[row.START_TIME, i] if variant.racing else taken
+    since = -1e18 if variant.racing else clock[clock_row.SINCE, i] * h
+    reference = reference_at(paths, clock[clock_row.PATH, i], place, place + 1e-9 * h, since)
     for r in range(2):
         arena[row.LINK_SENSOR + r, i] = point[r]
         arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]

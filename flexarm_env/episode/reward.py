@@ -21,7 +21,9 @@ TERMS = {
     "action_change": "1 / (1 + |a - a_before|^2 / 0.5): one for a steady action",
     "effort": "1 / (1 + (tau_1 / 150 N m)^2 + (tau_2 / 50 N m)^2)",
     "vibration": "1 / (1 + (|w_1'|^2 + |w_2'|^2) / (1 m/s)^2), w' the rates of the links' tip deflections",
+    "progress": "speed of the reference over `reference_speed`; only of a race, which has no clock",
 }
+OF_RACES = ("progress",)  # the last terms, which other programs do not have
 WIDTHS = (0.6, 0.15, 0.04)  # [m]
 CHANGE = 0.5
 EFFORT = (150.0, 50.0)  # [N m]
@@ -37,6 +39,11 @@ def squared_distance(tip: Sequence[Any], reference: Sequence[Any]) -> Any:
     """
     x, y = tip[0] - reference[0], tip[1] - reference[1]
     return x * x + y * y
+
+
+def progress_term(speed: Any, largest: Any) -> Any:
+    """Compute the term for progress along the path: the share of the largest speed of the reference [m/s] both."""
+    return speed / largest
 
 
 def tracking_terms(square: Any) -> list[Any]:

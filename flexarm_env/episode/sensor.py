@@ -239,9 +239,12 @@ def update_sensor_error(block: Block) -> None:
     for i in range(variant.lanes):  # within the present side, the earlier reference follows without a search
         late = nominal_age(block, i)
         for r in range(2):
-            then = arena[row.REFERENCE + r, i] - late * arena[row.REFERENCE + 2 + r, i]
+            then = arena[row.REFERENCE + r, i]
+            if not variant.racing:  # it compares with the present reference: the speed of an earlier one is not kept
+                then -= late * arena[row.REFERENCE + 2 + r, i]
             arena[row.SAMPLE_REFERENCE + r, i] = then
-        searched += late > arena[row.SEGMENT_PASSED, i]
+        if not variant.racing:
+            searched += late > arena[row.SEGMENT_PASSED, i]
     for i in range(variant.lanes if searched > 0 else 0):
         late = nominal_age(block, i)
         if late > arena[row.SEGMENT_PASSED, i]:
@@ -338,6 +341,9 @@ def further_reference(block: Block, i: int, n: int, distance: float, back: float
     settings, arena, clock, paths = block.settings, block.arena, block.clock, block.paths
     h = settings[setting.STEP]
     time = clock[clock_row.STEPS, i] * h - back
-    reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * h, clock[clock_row.SINCE, i] * h)
+    since = clock[clock_row.SINCE, i] * h
+    if variant.racing:  # as `update_sensor_error`
+        time, since = arena[row.START_TIME, i] + arena[row.PROGRESS, i], -1e18
+    reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * h, since)
     link = int(arena[row.FURTHER_LINK + n, i])
     return point_on_reference(settings, arena[row.BRANCH, i], link, distance, reference)

@@ -168,7 +168,7 @@ def _program(name: str, one: Drive, alone: Function, *groups: str) -> Program:
         alone=(alone,),
         groups=frozenset({"environment", *one.groups, *groups}),
         parts={"drive": one.driver},
-        reward_terms=len(reward.TERMS),
+        reward_terms=len(reward.TERMS) - (0 if "race" in one.groups else len(reward.OF_RACES)),
         closed=True,
         words=one.words,
     )

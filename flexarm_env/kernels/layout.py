@@ -7,6 +7,7 @@ which rows its arenas have:
 - "tracking": the joint-space law tracks the reference (`joint_tracking`),
 - "environment": an environment (`episode`),
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
+- "race": the reference moves at a speed of the action's (`race`),
 - "payloads": the payload changes within the lap (`payload`),
 - "motors": its torques pass through motors that are not ideal (`motors`),
 - "pulses": forces act at the tip (`disturbances`),
@@ -81,6 +82,7 @@ _MOTORS = ("motors",)
 _PAYLOADS = ("payloads",)
 _PULSES = ("pulses",)
 _DRIFTING = ("drifting",)
+_RACE = ("race",)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
@@ -183,6 +185,10 @@ class Row(Names):
     GAUGES = Entry("modal coordinates and rates, as gauges read them", "1, 1/s", lambda s: 4 * s.modes, _DRIFTING)
     MISSED = Entry("whether the tip was not near the reference when the payload changed", "1", 1, _PAYLOADS)
 
+    PACE = Entry("largest speed of the reference, and its largest change", "m/s, m/s^2", 2, _RACE)
+    RACE_LAPS = Entry("how many a race has", "1", 1, _RACE)
+    LAP_BEGUN = Entry("when the present lap of a race began, since the episode began", "s", 1, _RACE)
+
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
     TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
@@ -272,7 +278,7 @@ class Row(Names):
 
     # what describes an episode (EPISODE to BRANCH), then what is reported (`result_sizes`)
     EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
-    START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
+    START_TIME = Entry("path time at which the episode started; of a race in m", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _MEASURED)
     TORQUE = Entry("torques at the start of the period; of motors that are not ideal its mean", "N m", 2, _ENVIRONMENT)
@@ -282,6 +288,9 @@ class Row(Names):
     LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
     FURTHER_READING = Entry("latest readings of the further sensors", "their units", _readings, _FURTHER)
     CARRIED = Entry("payload at the tip", "kg", 1, _PAYLOADS)
+    PROGRESS = Entry("way of the reference along the path since the episode began", "m", 1, _RACE)
+    REFERENCE_SPEED = Entry("of the period that ended", "m/s", 1, _RACE)
+    LAP_TIMES = Entry("time of the first lap, of the fastest, of all; 0: not done", "s", 3, _RACE)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)

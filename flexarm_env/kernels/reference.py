@@ -14,6 +14,14 @@ from flexarm_env.physics.polyline import AHEAD, segment_of
 
 
 @per_lane
+def path_time(arena: Arena, clock: Clock, h: float, ahead: float, i: int) -> float:
+    """Return the time at which lane i's path is read, so many steps of h [s] ahead; of a race the way along it [m]."""
+    if variant.racing:
+        return arena[row.START_TIME, i] + arena[row.PROGRESS, i] + ahead * h
+    return (clock[clock_row.STEPS, i] + ahead) * h
+
+
+@per_lane
 def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
     """Note for lane i, from a row on, the side that path p is on at a time [s] (see `Segment`); which it is."""
     lap, k = segment_of(paths, p, time)
@@ -54,19 +62,23 @@ def follow_reference(block: Block, h: float) -> None:
     for i in range(variant.lanes if turning > 0 else 0):
         if segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]:
             p = clock[clock_row.PATH, i]
-            k = cache_segment(arena, row.PRESENT_SEGMENT, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
+            k = cache_segment(arena, row.PRESENT_SEGMENT, paths, p, path_time(arena, clock, h, AHEAD, i), i)
             following = k + 1 if k + 2 < paths.shape[1] else 0
             arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
             for r in range(2):
                 arena[row.NEXT_VELOCITY + r, i] = paths[p, following, 3 + r]
     for i in range(variant.lanes):
-        now = clock[clock_row.STEPS, i] * h
+        now = path_time(arena, clock, h, 0.0, i)
         for r in range(2):
             arena[row.REFERENCE + r, i] = on_segment(arena, row.PRESENT_SEGMENT, i, r, now)
-            arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SEGMENT + segment.VELOCITY + r, i]
+            if variant.racing:
+                direction = arena[row.PRESENT_SEGMENT + segment.VELOCITY + r, i]
+                arena[row.REFERENCE + 2 + r, i] = arena[row.REFERENCE_SPEED, i] * direction
+            else:
+                arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SEGMENT + segment.VELOCITY + r, i]
 
 
 @per_lane
 def segment_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
     """Return the time of the lap that decides whether lane i's reference is still on its cached side [s]."""
-    return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SEGMENT + segment.LAP, i]
+    return path_time(arena, clock, h, AHEAD, i) - arena[row.PRESENT_SEGMENT + segment.LAP, i]

@@ -142,6 +142,11 @@ class Variant:
         return "tracking" in self.program.groups
 
     @property
+    def racing(self) -> bool:
+        """Whether the reference moves at a speed of the action's, not by the clock (`episode.race`)."""
+        return "race" in self.program.groups
+
+    @property
     def reward_terms(self) -> int:
         """How many terms the reward has."""
         return self.program.reward_terms

@@ -106,6 +106,25 @@ def with_velocities(table: Array) -> Array:
     return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
 
 
+def by_distance(path: ReferencePath) -> ReferencePath:
+    """Return a closed path with distances along it [m] in place of times, and without waits.
+
+    Its velocities are unit vectors, its lap time is the length of a lap.
+
+    Raises:
+        ValueError: if it is open, or has no length.
+    """
+    points = path.table[:, 1:]
+    if not np.array_equal(points[0], points[-1]):
+        raise ValueError(f"waypoints: a race needs a closed path; it ends at {shown(points[-1])} m")
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    moving = lengths > 0.0
+    if not moving.any():
+        raise ValueError("waypoints: a race needs a path of some length")
+    distances = np.concatenate([[0.0], np.cumsum(lengths[moving])])
+    return ReferencePath(np.column_stack([distances, points[np.concatenate([[True], moving])]]))
+
+
 def square(parameters: SquareParameters) -> ReferencePath:
     """Return the square centred on the shoulder, a quarter of the lap time for each side."""
     first = _CORNERS.index(parameters.start_corner)

@@ -109,6 +109,7 @@ PICTURES = {
         965,
         controller="lqg",
     ),
+    "Race-v0": Picture("The first side.", constant(0.0), {}, 100),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
     ),

@@ -129,6 +129,7 @@ def index() -> str:
         "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
         "Disturbances": [texts.DISTURBANCES],
+        "The race": [texts.RACE],
         "Mirror images": [texts.MIRROR],
     }
     ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]

@@ -224,6 +224,7 @@ hold, is in [the paper, reproduced](../reproduction.md)."""
 _LAB = """\
 The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
 the controllers by name."""
+_RACE = "None yet."
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
@@ -231,6 +232,7 @@ _BEST: Mapping[str, str] = {
     "Lab-v0": "",
     "Carry-v0": "",
     "SmoothSquare-v0": "",
+    "Race-v0": "",
     "Paper-v0": "",
 }
 _OTHERS: Mapping[str, Callable[[], str]] = {
@@ -240,5 +242,6 @@ _OTHERS: Mapping[str, Callable[[], str]] = {
     "Lab-v0": lambda: _LAB,
     "Carry-v0": _carry,
     "SmoothSquare-v0": _smooth,
+    "Race-v0": lambda: _RACE,
     "Paper-v0": lambda: _PAPER,
 }

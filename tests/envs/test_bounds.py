@@ -10,8 +10,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import end_reason
-from flexarm_env.episode.reward import TERMS
-from tests.support.envs import CASE_NAMES, CASES, EVERYWHERE, PAPER, RANDOM, RESIDUAL, SQUARE, WAYPOINTS, make, terms_of
+from tests.support.envs import (
+    BY_THE_CLOCK,
+    CASE_NAMES,
+    CASES,
+    EVERYWHERE,
+    PAPER,
+    RANDOM,
+    RESIDUAL,
+    SQUARE,
+    WAYPOINTS,
+    make,
+    terms_of,
+)
 from tests.support.plain import KERNELS, run_plainly
 
 POLICIES = ("random", "bang-bang", "spin", "none")
@@ -106,7 +117,7 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
         "direction": draw(st.sampled_from(["clockwise", "counterclockwise"])),
         "elbow_branch": draw(st.sampled_from(["positive", "negative"])),
         "start_spread": draw(st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.5))),
-        "reward_weights": draw(st.dictionaries(st.sampled_from(sorted(TERMS)), st.floats(0.01, 10.0), min_size=1)),
+        "reward_weights": draw(st.dictionaries(st.sampled_from(BY_THE_CLOCK), st.floats(0.01, 10.0), min_size=1)),
         "deflection_limit": draw(st.none() | st.floats(0.1, 5.0)),
         "error_limit": draw(st.none() | st.floats(0.1, 20.0)),
     }

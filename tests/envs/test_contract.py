@@ -75,6 +75,7 @@ def test_what_is_registered() -> None:
         "Carry",
         "Lab",
         "Paper",
+        "Race",
         "Reach",
         "SmoothSquare",
         "Square",
@@ -98,9 +99,11 @@ def test_registering_again_is_harmless() -> None:
 def test_the_registered_limit_is_one_lap(env_id: str) -> None:
     """The registry holds a number; lap time and control period are options."""
     env = bare(env_id)
-    assert gym.spec(env_id).max_episode_steps == env.settings.lap_time / env.control_period == env.lap_steps
+    lap = 60.0 if env.settings.mode.races else env.settings.lap_time
+    assert gym.spec(env_id).max_episode_steps == lap / env.control_period == env.lap_steps
     assert env.control_period == {PAPER: 1e-3, "FlexArm/Lab-v0": 2e-3}.get(env_id, 1e-2)
-    assert bare(env_id, lap_time=4.0).lap_steps == round(4.0 / env.control_period)
+    if not env.settings.mode.races:
+        assert bare(env_id, lap_time=4.0).lap_steps == round(4.0 / env.control_period)
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)

@@ -189,6 +189,9 @@ ACTS_IN = {
     "feedback_source": ("gain", "sensor"),
     "rate_jacobian": ("gain", "current"),
     "delayed": ("gain", "position+rate"),
+    "race_laps": ("race", 2),
+    "reference_speed": ("race", 10.0),
+    "reference_acceleration": ("race", 10.0),
 }
 
 
@@ -197,6 +200,7 @@ ACTS_IN = {
 def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
     allowed, value = ACTS_IN[name]
     late = {"feedback_source": "sensor", "sensor": "rigid"} if mode == "gain" else {}
+    late |= {"start": "corner"} if mode == "race" else {}
     options = {"action_mode": mode, **late, name: value}
     if mode in allowed.split():
         assert getattr(Settings.of(options), name) == value

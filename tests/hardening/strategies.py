@@ -21,7 +21,7 @@ from flexarm_env.actions import MODES
 from flexarm_env.allowed import Flag, Integer, Number, OneOf, Optional, Pair
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.reward import TERMS
+from flexarm_env.episode.reward import OF_RACES, TERMS
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import ArmParameters
 
@@ -111,7 +111,7 @@ def ranges() -> st.SearchStrategy[dict[str, Any]]:
 # Options whose declaration is a function.
 CUSTOM: dict[str, st.SearchStrategy[Any]] = {
     "arm": st.sampled_from(["default", "paper"]) | declared_arms("modes_per_link", "kinematics"),  # few kernels
-    "action_mode": st.sampled_from([name for name in MODES if name != "torque_rate"]),  # few kernels
+    "action_mode": st.sampled_from([name for name in MODES if name not in ("torque_rate", "race")]),  # few kernels
     "delay": numbers(0.0, 10.0) | st.tuples(numbers(0.0, 10.0), numbers(0.0, 10.0)),
     "sensor_period": numbers(1e-6, 10.0),
     "observation": st.lists(st.sampled_from(sorted(BLOCKS)), min_size=1, max_size=5, unique=True),
@@ -119,7 +119,9 @@ CUSTOM: dict[str, st.SearchStrategy[Any]] = {
     "reference": st.sampled_from(["square", "circle", "line", "figure_eight", "moves", "waypoints"]),
     "waypoints": st.lists(st.tuples(numbers(1e-3, 1e6), numbers(1e-3, 8.0)), max_size=4),
     "randomisation": ranges(),
-    "reward_weights": st.dictionaries(st.sampled_from(sorted(TERMS)), numbers(0.0, 1e12), min_size=1, max_size=3),
+    "reward_weights": st.dictionaries(
+        st.sampled_from(sorted(set(TERMS) - set(OF_RACES))), numbers(0.0, 1e12), min_size=1, max_size=3
+    ),
 }
 SENSIBLE = {one.name: CUSTOM.get(one.name, inside(one.metadata["allowed"])) for one in fields(Settings)}
 SETTINGS_FIELDS = {one.name: one.metadata["allowed"] for one in fields(Settings)}

@@ -20,13 +20,14 @@ from flexarm_env.envs.info import TERM
 from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from flexarm_env.episode.reward import TERMS
+from flexarm_env.episode.reward import OF_RACES, TERMS
 from tests.support.refusals import refuses
 
 Array = NDArray[np.float64]
 OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
 # Blocks that every environment may have, whatever its action mode, and without further sensors.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in OF_FURTHER_SENSORS]
+BY_THE_CLOCK = [name for name in TERMS if name not in OF_RACES]  # terms of every reward
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
@@ -80,7 +81,7 @@ _COMMON: list[dict[str, Any]] = [
         "last_actions": 3,
         "scaled": False,
         "frame": "world",
-        "reward_weights": dict.fromkeys(TERMS, 0.1),
+        "reward_weights": dict.fromkeys(BY_THE_CLOCK, 0.1),
         "deflection_limit": None,
         "error_limit": None,
     },
@@ -181,7 +182,16 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
     ],
 }
 # Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
-_CHOICES = ("Carry", "Lab", "SmoothSquare", "SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
+_CHOICES = (
+    "Carry",
+    "Lab",
+    "Race",
+    "SmoothSquare",
+    "SquareUnknown",
+    "SquareDelayEasy",
+    "SquareDelayMedium",
+    "SquareDelayHard",
+)
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
 
