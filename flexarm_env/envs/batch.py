@@ -48,12 +48,8 @@ COSTS = {8: 1.0, 344: 36.0}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
 BESIDE = 4000  # bytes that an environment takes beside the kernels' memory: generator, observation, bounds, results
 OWN_END = -4.0  # the status that the option `termination` sets
-REASONS: dict[float, str | None] = {
-    -2.0: "deflection",
-    -3.0: "error",
-    OWN_END: "own",
-    FINISHED: "finished",
-}  # beside those of a state (`observe.termination_status`, `race`)
+# Reasons beside those of a state (`observe.termination_status`, `race`).
+REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error", OWN_END: "own", FINISHED: "finished"}
 
 
 class BatchSimulator(LaneBatch):

@@ -112,6 +112,10 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
         if not has_effect(settings):
             raise ValueError(f"{name} = {shown(value)}: has no effect here; only {where}")
     _refuse_contradictions(settings)
+    if settings.mode.races:
+        _refuse_no_race(settings)
+    elif any(settings.reward_weights.get(name, 0.0) for name in reward.OF_RACES):
+        raise ValueError(f"reward_weights: {', '.join(reward.OF_RACES)}: only with action_mode = 'race'")
 
 
 def _refuse_contradictions(settings: Any) -> None:
@@ -155,10 +159,6 @@ def _refuse_contradictions(settings: Any) -> None:
                 raise ValueError(
                     f"observation block {name!r}: there is no {sensor.title}; give {sensor.name}_link (1 or 2) too"
                 )
-    if settings.mode.races:
-        _refuse_no_race(settings)
-    elif any(settings.reward_weights.get(name, 0.0) for name in reward.OF_RACES):
-        raise ValueError(f"reward_weights: {', '.join(reward.OF_RACES)}: only with action_mode = 'race'")
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:

@@ -208,8 +208,8 @@ class Settings(Options):
         turn, n = divmod(index, len(self.reference))
         name, task = self.reference[n], SquareParameters(self.side, self.lap_time, self.start_corner, DIRECTIONS[turn])
         path = PATHS[name](task) if name in PATHS else way_points(task, self._way_points(name))
-        path = rounded(path, self.corner_time)
-        return by_distance(path) if self.mode.races else path
+        found = rounded(path, self.corner_time)
+        return by_distance(found) if self.mode.races else found
 
     def _way_points(self, name: str) -> Any:
         return self.waypoints[name] if isinstance(self.waypoints, Mapping) else self.waypoints
@@ -282,10 +282,8 @@ class Settings(Options):
     @property
     def action_limit(self) -> tuple[float, ...]:
         """Physical value of the action 1 in each channel."""
-        if self.mode.races:
-            return (*self.motor_limit, self.reference_speed)
         if self.mode.limit == "torque_limit":
-            return self.motor_limit
+            return (*self.motor_limit, *[self.reference_speed] * self.mode.races)
         limit = getattr(self, self.mode.limit)
         return limit if isinstance(limit, tuple) else (limit,)
 

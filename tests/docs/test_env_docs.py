@@ -199,6 +199,7 @@ def evaluated(formula: str, value: float, limit: float) -> float:
     """Evaluate a formula of an action table, for one channel."""
     known = {"a": value} | {mode.quantity: value for mode in MODES.values()}
     known |= {f"{option}_limit": limit for option in ("torque", "torque_rate", "shift", "gain")}
+    known |= {"speed": value, "reference_speed": limit}
     return float(eval(formula, {"__builtins__": {}}, known))
 
 
@@ -236,7 +237,7 @@ def test_info_tables(name: str, env: FlexArmEnv) -> None:
 
 
 def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:
-    statuses = (-4.0, -3.0, -2.0, -1.0, *(entry + 1.0 for entry in range(env.arm.size + 2)))
+    statuses = (-5.0, -4.0, -3.0, -2.0, -1.0, *(entry + 1.0 for entry in range(env.arm.size + 2)))
     assert {env.simulator.failures[status] for status in statuses} == set(ENDS)
 
 
