@@ -139,8 +139,6 @@ class Settings(Options):
         found.__dict__.update(known)
         return found
 
-    # --- what follows ----------------------------------------------------------------------------------------------
-
     @property
     def mode(self) -> ActionMode:
         """The action mode."""
