@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.terms import TASKS, nominal_options, seed_of
-from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
+from flexarm_agents.board.terms import LAP_TIMES, TASKS, nominal_options, pace, seed_of
+from flexarm_env.envs.registration import IDS, LAB_ARM, UNKNOWN_PLANT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.extras import install_hint
 from flexarm_env.parameters import ArmParameters
@@ -20,6 +20,7 @@ LOADS = {"randomisation": IDS["Carry-v0"].options["randomisation"]}
 CARRIED = 16  # episodes of each lap of the task "carry"
 PULSES = (5.0, 10.0, 20.0, 40.0)  # largest components of a force of 0.1 s [N]
 PART = 16  # of them, in one cell
+PACE = 0.1  # error that a lap stays below [m]; the shortest such lap is the *pace*
 
 
 class Episode(NamedTuple):
@@ -72,6 +73,8 @@ class Column:
     points: tuple[Point, ...]  # its points, in order
     # Value of the nominal environment, one of the points' or between two; None: there is none
     nominal: float | str | None = None
+    # Error that laps stay below [m] at the values that count as kept (`summary.kept`); None: they are complete
+    bound: float | None = None
     sample: bool = False  # the points are parts of one sample, which is added up as a whole
     headline: bool = False  # it is part of the ranking, and is computed first
 
@@ -129,6 +132,11 @@ def _unknown() -> Iterator[Point]:
         yield Point(f"{seeds.start} to {seeds.stop - 1}", UNKNOWN_PLANT, seeds=seeds, paired=False)
 
 
+def _hurried(lap_time: float) -> Point:
+    """Return unknown arms on laps of the square in so many seconds, one lap in turn."""
+    return Point(lap_time, UNKNOWN_PLANT, task=pace(lap_time), seeds=range(PART), paired=False)
+
+
 def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
     """Return columns without the points of an engine that is not installed, and what to tell the user of that."""
     if find_spec("mujoco") is not None:
@@ -151,6 +159,7 @@ COLUMNS: dict[str, Column] = {
             Point("track", task="track"),
             Point("reach", task="reach", seeds=range(16)),
             Point("chain", task="chain"),
+            Point("smooth", task="smooth"),
         ),
         "square",
         headline=True,
@@ -169,7 +178,26 @@ COLUMNS: dict[str, Column] = {
         "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 7), scale=1e-3), 0.0
     ),
     "model": Column("Model", "", tuple(_models()), "3 shapes"),
-    "smooth": Column("Smooth square", "", (Point("smooth", task="smooth"),), "smooth"),
+    "pace": Column(
+        "Lap time, errors below 100 mm",
+        "s",
+        tuple(Point(x, task=pace(x)) for x in LAP_TIMES),
+        LAP_TIMES[-1],
+        bound=PACE,
+    ),
+    "pace_unknown": Column(
+        "Lap time, unknown plant, errors below 100 mm",
+        "s",
+        tuple(_hurried(x) for x in LAP_TIMES[-4:]),
+        LAP_TIMES[-1],
+        bound=PACE,
+    ),
+    "lab": Column(
+        "Laboratory arm",
+        "",
+        (Point("data sheet", task="lab"), Point("measured", arm={"preset": LAB_ARM}, task="lab")),
+        "data sheet",
+    ),
     "carry": Column(
         "Carry",
         "",

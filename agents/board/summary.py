@@ -103,9 +103,17 @@ def loss(laps: Sequence[Mapping[str, Any]]) -> float:
 
 
 def kept(column: Column, points: Sequence[Mapping[str, Any] | None]) -> list[float]:
-    """Return the values of an axis about the nominal one, up to the first on either side at which a lap is lost."""
+    """Return the values of an axis about the nominal one, up to the first on either side at which a lap is lost.
+
+    Where the column has a `bound`, the mean error of each lap is below it, too.
+    """
+    bound = np.inf if column.bound is None else column.bound
     able = [one if one and "not_applicable" not in one else None for one in points]
-    whole = [one is not None and not any(lap["lost"] for lap in one.values()) for one in able]
+    whole = [
+        one is not None
+        and not any(lap["lost"] or (lap["rms"] or {"mean": np.inf})["mean"] > bound for lap in one.values())
+        for one in able
+    ]
     own = column.nominal_index
     first = next((n + 1 for n in range(own, -1, -1) if not whole[n]), 0)
     last = next((n for n in range(own, len(points)) if not whole[n]), len(points))

@@ -65,11 +65,28 @@ def task_options(name: str) -> dict[str, Any]:
     return {option: value for option, value in IDS[name].options.items() if option not in INTERFACE}
 
 
+def pace(lap_time: float) -> str:
+    """Name the task of a lap of the square in so many seconds."""
+    return f"pace{lap_time:g}" if lap_time != LAP_TIMES[-1] else "square"
+
+
+def _faster(lap_time: float) -> BoardTask:
+    return BoardTask(options={"lap_time": lap_time}, best=partial(best_plans, f"default_pace{lap_time:g}"))
+
+
+LAP_TIMES = (5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 16.0)  # of the square [s]; there are plans for each
 TASKS: dict[str, BoardTask] = {
     "square": BoardTask(best=best_plans),
     "track": BoardTask(options=IDS["Track-v0"].options),
     "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
     "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
+    **{pace(lap_time): _faster(lap_time) for lap_time in LAP_TIMES[:-1]},
+    # designed on the data sheet's arm; with a step that is short enough for the gain's law
+    "lab": BoardTask(
+        options=task_options("Lab-v0") | {"arm": "quanser", "physics_step": None},
+        laps=("plain",),
+        best=partial(best_plans, "quanser_lab"),
+    ),
     "smooth": BoardTask(options=IDS["SmoothSquare-v0"].options, best=partial(best_plans, "default_smooth")),
     "carry": BoardTask("FlexArm/Carry-v0", task_options("Carry-v0"), figures=carry.FIGURES, measure=carry.of_rests),
 }

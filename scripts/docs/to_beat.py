@@ -191,9 +191,9 @@ def _smooth() -> str:
         for lap, one in zip(LAPS, known, strict=True)
     )
     text = f"The best known plans err by {errors}, over the lap / after 2 s ([optimal control](../optimal.md))."
-    if "smooth" not in board()["columns"]:
-        return f"{text} `flexarm leaderboard --columns smooth` measures entries; the {BOARD} has no figures of it yet."
-    return f"{text} {_of_board(OnBoard('smooth', ('smooth',), ('plan_lqr', 'lqg', 'shaped', 'agent square')))}"
+    if "smooth" not in board()["columns"]["nominal"]["values"]:
+        return f"{text} `flexarm leaderboard --columns nominal` measures entries; the {BOARD} has no figures of it yet."
+    return f"{text} {_of_board(OnBoard('nominal', ('smooth',), ('plan_lqr', 'lqg', 'shaped', 'agent square')))}"
 
 
 def _carry() -> str:

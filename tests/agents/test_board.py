@@ -258,6 +258,16 @@ def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> N
     assert {point.task for column in COLUMNS.values() for point in column.points} == set(TASKS)
 
 
+def test_a_faster_lap_and_the_laboratory_arm_have_plans_of_their_own() -> None:
+    entry = Entry("plan_lqr")
+    assert entry.candidate("pace5").policy.plans[0].torques.shape == (500, 2)
+    column = COLUMNS["lab"]
+    result = run_points(entry, column.points)
+    found = {point.value: one["episodes"][0]["figures"] for point, one in zip(column.points, result, strict=True)}
+    # planned for this arm, with a regulator of its state; the rig's dry friction is not in the plan
+    assert found["data sheet"]["rms"] < 1e-4 < found["measured"]["rms"] < 1e-2
+
+
 def test_settings_fit_into_one_batch_where_their_common_values_are_equal() -> None:
     nominal = common_values(Settings.of({}))
     alike = [{"delay": 0.1}, {"arm": {"payload_mass": 1.0}}, {"noise": 0.01}]

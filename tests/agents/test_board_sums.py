@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -46,6 +47,9 @@ def test_an_axis_is_kept_as_far_as_no_lap_is_lost_on_either_side() -> None:
     assert along(0.1, None, 0.1, 0.2, None) == [1.0, 1.1]
     assert along(0.1, 0.1, None, 0.1, 0.1) == []
     assert kept(column, [{"not_applicable": "why"}] * 5) == []
+    column = replace(column, bound=0.15)
+    assert along(0.1, 0.1, 0.1, 0.9, 0.1) == [0.8, 0.9, 1.0]
+    assert along(0.2, None, 0.15, 0.1, 0.1) == [1.0, 1.1, 1.2]
 
 
 def test_quantiles_take_lost_episodes_as_infinite_and_invent_no_value() -> None:

@@ -135,7 +135,7 @@ def row(name: str, swing: float | None, plain: float | None, limit: list[float] 
         "reads": ["encoders"],
         "privileged": False,
         "columns": {
-            "nominal": {"points": [point, absent, moves, point]},
+            "nominal": {"points": [point, absent, moves, point, point]},
             "payload": {"points": [point] * 6, "kept": [0.0, 0.2] if swing else []},
             "unknown": {"points": [point], "whole": whole},
         },
@@ -286,7 +286,7 @@ def test_the_chain_is_left_out_where_its_engine_is_absent(
     assert measurable(columns) == (columns, "")
     monkeypatch.setitem(sys.modules, "mujoco", None)
     found, told = measurable(columns)
-    assert [point.value for point in found["nominal"].points] == ["square", "track", "reach"]
+    assert [point.value for point in found["nominal"].points] == ["square", "track", "reach", "smooth"]
     assert found["delay"] == columns["delay"]
     assert told.startswith("nominal: without the chain, for which mujoco is not installed; run ")
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
