@@ -105,7 +105,7 @@ def ranking(board: Board, narrow: bool = False) -> str:
     titles = [f"{one.task}, {board['tasks'][one.task]['figures'][one.figure]['title']}" for one in best]
     laps = [" / ".join(one.values) for one in best]
     over = [f"{name}: over the best plan, {each} [mm]" for name, each in zip(titles, laps, strict=True)]
-    head = ["", "entry", *UNKNOWN, *over, *([] if narrow else ["reads"])]
+    head = ["rank", "entry", *UNKNOWN, *over, *([] if narrow else ["reads"])]
     lines: list[list[str]] = []
     for entry in filter(on_square, ranked(board)):
         if not has_rank(entry) and UNRANKED not in [line[1] for line in lines]:
