@@ -19,7 +19,7 @@ UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
 LOST = "lost"
 UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
-SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student", "agent student_unknown")
+SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown")
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
