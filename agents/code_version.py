@@ -21,8 +21,13 @@ DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz"}
 
 def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:
     """Return a hash of modules, of all that they import, and of the data that these read."""
+    return _version(tuple(modules), frozenset(without))
+
+
+@lru_cache
+def _version(modules: tuple[str, ...], without: frozenset[str]) -> str:
     digest = hashlib.sha256()
-    for name in sorted(_closure(tuple(modules), frozenset(without))):
+    for name in sorted(_closure(modules, without)):
         digest.update(f"{name} {_source_hash(name)}\n".encode())
         for path in _data(name):
             digest.update(f"{path.name} {file_hash(path)}\n".encode())

@@ -97,7 +97,13 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
 
     def version(text: str) -> str:
         module.write_text(text)
-        for cached in (versions._closure, versions._imports, versions._is_module, versions._source_hash):
+        for cached in (
+            versions._version,
+            versions._closure,
+            versions._imports,
+            versions._is_module,
+            versions._source_hash,
+        ):
             cached.cache_clear()
         return code_version([module.stem])
 
