@@ -76,5 +76,11 @@ AGENTS: dict[str, Shipped] = {
     ),
     "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP)),
     "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig()),
-    "student_unknown": Shipped("student, random arms (`student_unknown`)", UNKNOWN),
+    "student_unknown": Shipped("student, random arms (`student_unknown`)", UNKNOWN, seeds=7),
+    "student_unknown_stamped": Shipped(
+        "student, random arms, time stamps (`student_unknown_stamped`)",
+        replace(UNKNOWN, options=UNKNOWN.options | {"observation": [*LATE, "reading_age"]}),
+        seeds=3,
+        drawn=False,
+    ),
 }
