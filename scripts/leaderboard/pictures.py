@@ -16,6 +16,7 @@ from scripts.common.plotting import WIDTH, headline, save
 
 Board = Mapping[str, Any]
 SHORT = {"sensor_position": "Sensor position", "actuation_delay": "Motor delay", "jitter": "Delay jitter"}
+SHORT |= {"pace": "Lap times", "pace_unknown": "Lap times, unknown plant"}
 LINE = 0.27  # height of an entry [in]
 
 
@@ -32,16 +33,22 @@ def _name(row: Mapping[str, Any]) -> str:
     return f"{row['name'].removeprefix('agent ')}{marks}"
 
 
+def _of(row: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return what a row has in a column."""
+    return row["columns"].get(name, {})
+
+
 def heat_map(board: Board, folder: Path) -> None:
     """Draw, for each row and column, the share of laps that are lost, or the error's 90th percentile if none is."""
-    names = [name for name in board["columns"] if name != "nominal"]
     rows = ranked(board)
+    axes = [name for name in board["columns"] if name != "nominal"]
+    names = [name for name in axes if any("whole" in _of(row, name) for row in rows)] or axes
     figure, axis = plt.subplots(figsize=(WIDTH, 1.9 + LINE * len(rows)))
     errors = np.full((len(rows), len(names)), np.nan)
     for i, row in enumerate(rows):
         for k, name in enumerate(names):
             figures = board["tasks"][board["columns"][name]["tasks"][0]]["figures"]
-            errors[i, k], text = _along(row["columns"][name].get("whole"), *next(iter(figures.items())))
+            errors[i, k], text = _along(_of(row, name).get("whole"), *next(iter(figures.items())))
             dark, lost = errors[i, k] > 0.3, text.endswith("%")
             look: dict[str, Any] = {"color": "white" if dark else "black", "weight": "bold" if lost else "normal"}
             axis.text(k, i, text, ha="center", va="center", size=10, **look)
@@ -63,8 +70,8 @@ def _along(whole: Mapping[str, Any] | None, name: str, about: Mapping[str, str])
     """Return how dark a column's cell is (as an error [m]), and the share of lost laps as text, else the figure."""
     if whole is None:
         return np.nan, "n/a"
+    share, value = whole["lost"] / whole["episodes"], whole[name] and whole[name]["p90"]
     if whole["lost"]:
-        share = whole["lost"] / whole["episodes"]
-        return LIMIT * share, f"{100.0 * share:.0f} %" if share >= 0.01 else "< 1 %"
-    value = whole[name]["p90"]
+        error = value if value and about["unit"] == "m" else 0.0
+        return max(LIMIT * share, error), f"{100.0 * share:.0f} %" if share >= 0.01 else "< 1 %"
     return value if about["unit"] == "m" else np.nan, amount(value, about["unit"])
