@@ -26,6 +26,7 @@ from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
     "heat_map.png": "Share of laps that each entry loses in each column, or its error",
+    "pace.png": "Error over the lap time, of a few entries and of the best plans known",
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"

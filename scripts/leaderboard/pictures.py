@@ -10,13 +10,16 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.colors import LogNorm
 
+from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.summary import LIMIT
 from flexarm_agents.board.tables import UNLIMITED, amount, ranked
-from scripts.common.plotting import WIDTH, headline, save
+from scripts.common.plotting import COLOURS, INK, THRESHOLD, WIDTH, headline, number_ticks, save
 
 Board = Mapping[str, Any]
 SHORT = {"sensor_position": "Sensor position", "actuation_delay": "Motor delay", "jitter": "Delay jitter"}
 SHORT |= {"pace": "Lap times", "pace_unknown": "Lap times, unknown plant"}
+PACE = {"pace": "Nominal arm", "pace_unknown": "16 unknown arms"}  # columns of lap times
+PACED = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent student_unknown", "shaped")  # entries that are drawn over them
 LINE = 0.27  # height of an entry [in]
 
 
@@ -25,6 +28,8 @@ def draw(board: Board, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if set(board["columns"]) > {"nominal"}:
         heat_map(board, folder)
+    if set(PACE) <= set(board["columns"]):
+        pace(board, folder)
 
 
 def _name(row: Mapping[str, Any]) -> str:
@@ -64,6 +69,35 @@ def heat_map(board: Board, folder: Path) -> None:
         f"First in the ranking first; darker is worse; *: reads the true state; {UNLIMITED}: no limit of torque",
     )
     save(figure, folder, "heat_map")
+
+
+def pace(board: Board, folder: Path) -> None:
+    """Draw the error of the worse lap over the lap time, on nominal and unknown arms, and that of the best plans."""
+    figure, axes = plt.subplots(1, len(PACE), figsize=(WIDTH, 3.4), sharey=True)
+    shown = [row for name in PACED for row in board["rows"] if row["name"] == name]
+    for axis, (name, title) in zip(axes, PACE.items(), strict=True):
+        column = board["columns"][name]
+        best = [[one["rms"] for one in board["tasks"][task]["best"].values()] for task in column["tasks"]]
+        axis.plot(
+            column["values"], 1e3 * np.max(best, axis=1), color=INK, linestyle="--", label="best plans known", zorder=3
+        )
+        for row, colour in zip(shown, COLOURS, strict=False):
+            errors = [_worse(point) for point in row["columns"][name]["points"]]
+            axis.plot(column["values"], errors, color=colour, marker="o", markersize=4, label=_name(row))
+        axis.axhline(1e3 * (COLUMNS["pace"].bound or np.nan), **THRESHOLD)
+        axis.set(title=title, xlabel="lap time [s]", yscale="log")
+        number_ticks(axis.xaxis, column["values"])
+    number_ticks(axes[0].yaxis, (20, 50, 100, 200, 500, 1000))
+    axes[0].set_ylabel("error of the worse lap, r.m.s. [mm]")
+    axes[1].legend()
+    save(figure, folder, "pace")
+
+
+def _worse(point: Mapping[str, Any] | None) -> float:
+    """Return the mean error of the worse lap [mm]; none where one is lost."""
+    laps = {} if point is None or "not_applicable" in point else point
+    errors = [np.nan if one["lost"] else 1e3 * one["rms"]["mean"] for one in laps.values()]
+    return float(np.max(errors)) if errors else np.nan
 
 
 def _along(whole: Mapping[str, Any] | None, name: str, about: Mapping[str, str]) -> tuple[float, str]:

@@ -18,7 +18,6 @@ from typing import Any
 
 from flexarm_agents.files import put
 from flexarm_baselines.optimal import Plan, load_plan
-from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
@@ -54,7 +53,8 @@ class Options:
     seconds; lab: the path of `FlexArm/Lab-v0`, on the arm of the data sheet; moves: those that `FlexArm/Reach-v0`
     draws, of the default arm; corner: what limits the plain lap of the square at its corners, one change at a time."""
     change_weight: float | None = None
-    """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
+    """Weight on changes of the torques [m^2]; None: 3e-3; 7e-5 on the linear arm, where smoothness costs more; 1e-4
+    for smooth and 1e-7 for lab, where it would cost more than the error."""
     trial: int = 10
     """Iterations of each start."""
     finalists: int = 1
@@ -110,10 +110,11 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> list[str]:
     if options.packaged:
         best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     else:
-        weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
+        weight = options.change_weight or CHANGE_WEIGHTS.get(arm)
+        weights = {} if weight is None else {"change_weight": weight}
         effort = Effort(options.trial, options.finalists, options.iterations)
         parameters, track = ArmParameters.named(arm), TRACKS[path]
-        problem, other = track.problem(parameters, lap, change_weight=weight), _other(name, parameters, lap, output)
+        problem, other = track.problem(parameters, lap, **weights), _other(name, parameters, lap, output)
         found = search(problem, track.task(lap), track.sides, effort, output / name, other)
         best, report = found[0].plan, _report(found, lap, path)
     earlier = _earlier_curve(output / f"{name}.json", report)

@@ -37,18 +37,18 @@ class Track(NamedTuple):
         return SquareParameters(lap_time=self.lap_time, elbow_branch=LAPS[lap].elbow_branch)
 
     def problem(self, arm: ArmParameters, lap: str, **weights: float) -> TrackingProblem:
-        """Return the problem of a lap from rest."""
-        weights = {**weights, **self.weights}
+        """Return the problem of a lap from rest; weights go before the track's own."""
+        own: dict[str, Any] = {**self.weights, **weights}
         if self.path != LAB:
-            way = {"path": self.path, "corner_time": self.corner_time}
-            return lap_problem(FlexibleArm(arm), self.task(lap), **way, **weights)  # type: ignore[arg-type]
+            own |= {"path": self.path, "corner_time": self.corner_time}
+            return lap_problem(FlexibleArm(arm), self.task(lap), **own)
         task, period = self.task(lap), _LAB["control_period"]
         path = way_points(task, _LAB["waypoints"])
         times = np.minimum(period * np.arange(round(task.lap_time / period) + 1), path.lap_time)
         whole = FlexibleArm(arm)
         start = rest_state(whole, path.table[0, 1:], task.elbow_branch)
-        limits = {"limits": _LAB["torque_limit"], "deflection_limit": 0.9 * _LAB["deflection_limit"]}
-        return TrackingProblem(whole, start, path.position(times), period=period, **limits, **weights)
+        own |= {"limits": _LAB["torque_limit"], "deflection_limit": 0.9 * _LAB["deflection_limit"]}
+        return TrackingProblem(whole, start, path.position(times), period=period, **own)
 
     @property
     def options(self) -> dict[str, Any]:
