@@ -73,7 +73,7 @@ def heat_map(board: Board, folder: Path) -> None:
 
 def pace(board: Board, folder: Path) -> None:
     """Draw the error of the worse lap over the lap time, on nominal and unknown arms, and that of the best plans."""
-    figure, axes = plt.subplots(1, len(PACE), figsize=(WIDTH, 3.4), sharey=True)
+    figure, axes = plt.subplots(1, len(PACE), figsize=(WIDTH, 3.8), sharey=True)
     shown = [row for name in PACED for row in board["rows"] if row["name"] == name]
     for axis, (name, title) in zip(axes, PACE.items(), strict=True):
         column = board["columns"][name]
@@ -89,7 +89,7 @@ def pace(board: Board, folder: Path) -> None:
         number_ticks(axis.xaxis, column["values"])
     number_ticks(axes[0].yaxis, (20, 50, 100, 200, 500, 1000))
     axes[0].set_ylabel("error of the worse lap, r.m.s. [mm]")
-    axes[1].legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     save(figure, folder, "pace")
 
 
