@@ -10,7 +10,7 @@ from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.study import Study, command
-from scripts.control import estimated, joint, robust, unknown
+from scripts.control import estimated, joint, repeated, robust, unknown
 from scripts.control.trials import ERRORS, cell, run_laps, study
 
 
@@ -39,6 +39,7 @@ STUDIES: dict[str, Study] = {
     **estimated.STUDIES,
     **unknown.STUDIES,
     **robust.STUDIES,
+    **repeated.STUDIES,
 }
 
 

@@ -15,26 +15,28 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.study import Trial
-from scripts.control.trials import study
+from scripts.control.trials import cell, run_laps, study
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
 Design = Callable[[Task], Mapping[str, Any]]  # returns keyword arguments of a controller's `for_env`
 
 
-def run_unknown(name: str, design: Design = lambda task: {}) -> dict[str, list[list[float] | None]]:
+def run_unknown(
+    name: str, design: Design = lambda task: {}, episodes: int = EPISODES
+) -> dict[str, list[list[float] | None]]:
     """Run a controller of the registry in many episodes, every second one of which is a swing lap.
 
     Returns:
         By the lap, the errors of each episode over the lap and after 2 s [m]; None for a lost one.
     """
     entry = controller(name)
-    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **entry.options | UNKNOWN_PLANT)
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=episodes, **entry.options | UNKNOWN_PLANT)
     policy = entry.make(envs, **design(Task.of(envs)))
-    sides = [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
+    sides = [lap.elbow_branch for lap in LAPS.values()] * (episodes // len(LAPS))
     observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
-    squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None
-    starting, over = np.ones(EPISODES, dtype=bool), np.zeros(EPISODES, dtype=bool)
+    squares, running, state = [infos["tip_error"] ** 2], np.ones(episodes, dtype=bool), None
+    starting, over = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=bool)
     while not over.all():
         actions, state = policy.predict(observations, state, starting)
         observations, _, terminated, truncated, infos = envs.step(actions)
@@ -65,10 +67,38 @@ def unknown_table(results: Any) -> str:
     return table(["", "lap", "lost", "mean [mm]", "worst [mm]"], lines)
 
 
+def run_entry(name: str, episodes: int = EPISODES) -> dict[str, Any]:
+    """Run a controller on both nominal laps, and on unknown arms."""
+    return {"nominal": run_laps(name), "unknown": run_unknown(name, episodes=episodes)}
+
+
+def field_table(results: Any) -> str:
+    """Tabulate entries: both nominal laps, and all episodes on unknown arms, lost ones infinite."""
+    lines = []
+    for name, result in results.items():
+        pairs = [pair for lap in LAPS for pair in result["unknown"][lap]]
+        errors = np.sort([np.inf if pair is None else 1e3 * pair[0] for pair in pairs])
+        shown = (errors[len(errors) // 2], errors[int(0.9 * len(errors))])
+        lost = f"{np.sum(~np.isfinite(errors))} of {len(errors)}"
+        figures = (f"{e:.0f}" if np.isfinite(e) else "lost" for e in shown)
+        lines.append([f"`{name}`", *(cell(result["nominal"][lap], 1) for lap in LAPS), lost, *figures])
+    head = ["entry", "swing lap [mm]", "plain lap [mm]", "unknown arms: lost", "median [mm]", "90th percentile [mm]"]
+    return table(head, lines)
+
+
+FEW = 32  # episodes of predictive controllers, which take a hundred times as long
+FIELD: dict[str, Trial] = {
+    **{name: partial(run_entry, name) for name in ("lqg", "lqg_imu", "hinf", "computed_torque", "computed_torque_dob")},
+    **{name: partial(run_entry, name, FEW) for name in ("nmpc", "nmpc_deflection")},
+}
 LQG: dict[str, Trial] = {
     "LQG": partial(run_unknown, "lqg"),
     "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
     "true state in place of a filter": partial(run_unknown, "plan_lqr"),
 }
 LQG_TEXT = "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]"
-STUDIES = study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table)
+FIELD_TEXT = "entries that the field expects: r.m.s. over the lap / after 2 s, and r.m.s. over the lap on unknown arms"
+STUDIES = {
+    **study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table),
+    **study(__name__, "field_entries", FIELD_TEXT, lambda: FIELD, field_table),
+}
