@@ -116,6 +116,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/optimal": "The best known laps, and how they were found.",
             "docs/lqg": "A Kalman filter and a regulator along the best known lap.",
             "docs/predictive": "Nonlinear model predictive control at 100 Hz.",
+            "docs/field_entries": "An IMU, a disturbance observer, H-infinity control, learning from lap to lap.",
             "docs/derivatives": "Derivatives of the dynamics, for planners and for other libraries.",
             "docs/learning/README": "What learning gives: algorithms, starts, remedies against delay, ten seeds each.",
             "docs/reproduction": "Green & Sasiadek (2008) repeated: which of its claims hold.",
