@@ -16,7 +16,7 @@ from flexarm_baselines.lqg.ilc import Lap, learned
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS, WIDTH
+from scripts.common.plotting import COLOURS, WIDTH, plain_ticks
 from scripts.common.study import Study, Trial, Trials
 from scripts.control.joint import drawn
 from scripts.control.unknown import ENVIRONMENT
@@ -98,6 +98,8 @@ def rows(results: Any) -> dict[str, list[float]]:
 def ilc_table(results: Any) -> str:
     """Tabulate the errors by lap."""
     lines = [[name, *(f"{e:.1f}" if np.isfinite(e) else "lost" for e in line)] for name, line in rows(results).items()]
+    several = [laps for name, found in results.items() if name.startswith("unknown") for laps in found]
+    lines.append(["of these lost", *(str(sum(one is None for one in lap)) for lap in zip(*several, strict=True))])
     return table(["arm, lap", *map(str, range(1, LEARNED + 1))], lines)
 
 
@@ -108,6 +110,7 @@ def ilc_picture(results: Any) -> Figure:
     for (name, line), colour in zip(lines.items(), COLOURS, strict=False):
         axis.semilogy(range(1, LEARNED + 1), line, "o-", color=colour, label=name, markersize=4)
     axis.set(xlabel="lap", ylabel="error after 2 s, r.m.s. [mm]")
+    plain_ticks(axis.yaxis)
     axis.legend()
     return figure
 
