@@ -113,7 +113,7 @@ class Game(NamedTuple):
             found[:, k] = doubt
             if theta * _radius(doubt, self.cost[:, k]) >= 1.0:
                 return None
-            doubt = np.linalg.solve(eye - theta * doubt @ self.cost[:, k], doubt)
+            doubt = np.asarray(np.linalg.solve(eye - theta * doubt @ self.cost[:, k], doubt), dtype=np.float64)
             matrix = self.along.matrix[:, k]
             doubt = matrix @ doubt @ matrix.swapaxes(1, 2) + self.noise[:, k]
             doubt = 0.5 * (doubt + doubt.swapaxes(1, 2))

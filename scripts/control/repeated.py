@@ -35,6 +35,7 @@ def one_lap(env: Any, controller: LQG, lap: str, seed: int) -> tuple[Lap | None,
         read.append(task.read(observation[None], "sensed_position")[0])
         age.append(task.read(observation[None], "reading_age")[0, 0])
         action, state = controller.predict(observation, state)
+        assert state is not None
         observation, _, lost, over, info = env.step(action)
         states.append(state[0][0, : plan.states.shape[1]])
         torques.append(state[2][0])

@@ -96,8 +96,8 @@ def plants(task: Task, plans: tuple[Plan, ...], count: int = PLANTS, seed: int =
         values = dict(zip(BOX, drawn.tolist(), strict=True))
         kalman = KalmanFilter(arm, task.period, values["delay"], task.sensor_position)
         moves = kalman.linearise(states, torques, **{name: values[name] for name in OF_THE_ARM})
-        parts = (part.reshape(len(plans), -1, *part.shape[1:]) for part in (moves.matrix, moves.by_torque))
-        found.append(Loop(*parts, kalman.sensors()[0], values["actuation_delay"] / task.period))
+        matrix, by_torque = (part.reshape(len(plans), -1, *part.shape[1:]) for part in (moves.matrix, moves.by_torque))
+        found.append(Loop(matrix, by_torque, kalman.sensors()[0], values["actuation_delay"] / task.period))
     return found
 
 
