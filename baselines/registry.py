@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
-from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, StampedLQG
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, RaceLQG, StampedLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
@@ -144,6 +144,12 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "lqg_adaptive_stamped": Controller(
         StampedLQG, "as `lqg_adaptive`, with time stamps of the late tip in the place of its estimated delay", LJUNG
+    ),
+    "race_lqg": Controller(
+        RaceLQG,
+        "`lqg` along the best known plan of a race, with the plan's speeds of the reference",
+        f"{ANDERSON_MOORE}, chapter 8",
+        environment="FlexArm/Race-v0",
     ),
     "nmpc": Controller(
         NMPC,

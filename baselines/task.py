@@ -65,8 +65,12 @@ class Task:
         return self.path.position(np.minimum(times, self.lap_time))
 
     @classmethod
-    def of(cls, env: Any) -> Task:
+    def of(cls, env: Any, path: ReferencePath | None = None) -> Task:
         """Read the task of an environment, single or vector, whose action is the torque.
+
+        Args:
+            env: the environment.
+            path: the reference by time, in a race; None: the environment's, which is no race.
 
         Raises:
             TypeError: if it is no FlexArm environment.
@@ -74,8 +78,11 @@ class Task:
                 the world's frame.
         """
         settings = env_attribute(env, "settings")
-        if settings.action_mode != "torque":
-            raise ValueError(f"env: its action must be the torque, got action_mode = {settings.action_mode!r}")
+        wanted = "torque" if path is None else "race"
+        if settings.action_mode != wanted:
+            raise ValueError(
+                f"env: its action must be the torque, action_mode = {wanted!r}, got {settings.action_mode!r}"
+            )
         if settings.frame != "world":
             raise ValueError(f"env: Cartesian blocks must be in the world's frame, got frame = {settings.frame!r}")
         paths = dict(zip(DIRECTIONS, settings.paths, strict=False))
@@ -86,7 +93,7 @@ class Task:
             )
         return cls(
             arm=settings.flexible_arm.parameters,
-            path=paths[settings.direction],
+            path=paths[settings.direction] if path is None else path,
             period=settings.control_period,
             torque_limit=tuple(settings.motor_limit),
             sensor_position=settings.sensor_position,

@@ -13,7 +13,16 @@ from typing import Any
 
 import gymnasium
 
-from flexarm_agents.board.terms import SQUARE, TASKS, entry_options, home_of, interface_of, limits, nominal_options
+from flexarm_agents.board.terms import (
+    RACE,
+    SQUARE,
+    TASKS,
+    entry_options,
+    home_of,
+    interface_of,
+    limits,
+    nominal_options,
+)
 from flexarm_agents.code_version import code_version, file_hash
 from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of, spec_of
 from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
@@ -121,6 +130,8 @@ def _candidate(entry: Entry, task: str) -> Candidate:
     env = make_one(environment, options)
     if task != entry.home and (size := entry.candidate().env.action_space.shape) != env.action_space.shape:
         raise ValueError(f"entry {entry.name}: its actions have the shape {size}, not {env.action_space.shape}")
+    if env.unwrapped.settings.mode.races != (environment == RACE):  # type: ignore[attr-defined]
+        raise ValueError(f"entry {entry.name}: a race is run by entries of {RACE}, and these do nothing else")
     return Candidate(entry.name, recipe.make(env), env, environment, options)
 
 

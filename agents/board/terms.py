@@ -8,18 +8,18 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from flexarm_agents.board import carry
+from flexarm_agents.board import carry, race
 from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
 from flexarm_agents.environments import INTERFACE, settings_of
 from flexarm_agents.evaluation.scoring import COMPLETE
-from flexarm_baselines.optimal.plan import PLANS
+from flexarm_baselines.optimal.plan import PLANS, load_plan
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
 
 BOARD = 2  # version; raise it where scores change, and name the cause in the changelog
 SEEDS = range(2_000_000_000, 4_000_000_000)  # trainings and evaluations do not use such ones by default
-SQUARE = "FlexArm/Square-v0"
+SQUARE, RACE = "FlexArm/Square-v0", "FlexArm/Race-v0"
 
 # Options that the board sets for entries of an action mode: the gain's law overshoots corners and has no torque limit.
 _BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_limit", "error_limit")}
@@ -60,6 +60,12 @@ def best_plans(name: str = "default") -> Best:
     return found
 
 
+def best_race() -> Best:
+    """Return the times of the best plan known for a race [s]."""
+    first, fastest, whole = load_plan("default_race").notes["lap_times"]
+    return {"all": {"three_laps": whole, "fastest_lap": fastest, "first_lap": first}}
+
+
 def task_options(name: str) -> dict[str, Any]:
     """Return the options of an id that are the task's, not an entry's own."""
     return {option: value for option, value in IDS[name].options.items() if option not in INTERFACE}
@@ -89,6 +95,17 @@ TASKS: dict[str, BoardTask] = {
     ),
     "smooth": BoardTask(options=IDS["SmoothSquare-v0"].options, best=partial(best_plans, "default_smooth")),
     "carry": BoardTask("FlexArm/Carry-v0", task_options("Carry-v0"), figures=carry.FIGURES, measure=carry.of_rests),
+    "race": BoardTask(
+        RACE,
+        task_options("Race-v0"),
+        laps=(None,),
+        figures=race.FIGURES,
+        measure=race.of_race,
+        recorded=race.RECORDED,
+        complete=race.COMPLETE,
+        steps=IDS["Race-v0"].steps,
+        best=best_race,
+    ),
 }
 
 

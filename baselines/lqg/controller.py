@@ -122,7 +122,7 @@ class LQG(PlanController):
 
     def _readings(self, seen: Seen) -> Floats:
         """Return what the sensors read, in the order of `observers.Readings`. Shape (n, r)."""
-        blocks = [name for name in self.blocks if name not in ("lap_phase", "reading_age")]
+        blocks = [name for name in self.blocks if name not in ("lap_phase", "time", "reading_age")]
         return np.concatenate([seen[name] for name in blocks], axis=1)
 
 

@@ -48,7 +48,8 @@ def _late(settings: Any) -> bool:
 NAMED = f"with a reference among {', '.join(map(repr, PATHS))}"
 # Options with the condition under which they have an effect, and that condition in words.
 _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "previews": (lambda s: "previews" in s.observation, "with the observation block 'previews'"),
+    # a race's horizons are distances: its id has other ones than the default, also where no block shows them
+    "previews": (lambda s: "previews" in s.observation or s.mode.races, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
     **{name: (_is_on(switch), f"with {switch} other than 0") for switch, of in SWITCHES.items() for name in of},

@@ -239,6 +239,7 @@ IDS: dict[str, Id] = {
             "start": "corner",
             "previews": (0.5, 1.0, 2.0, 3.0, 4.5, 6.0, 10.0),
             "reward_weights": {"progress": 1.0},
+            "elbow_branch": "negative",
             "error_limit": 0.25,
         },
         "Go round the square three times, as fast as you can, within 25 cm of it",

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from flexarm_env.envs.info import info_keys
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
+from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import PATHS
 from tests.support.envs import FREE, assert_same, bare, same_as_alone, vector
 from tests.support.plain import PlainEnvironment
@@ -54,7 +55,7 @@ def test_the_speed_approaches_the_commanded_one(speeds: list[float], acceleratio
 def test_the_reference_keeps_its_speed_on_curves(name: str, direction: str) -> None:
     """Arc length: each period's step is speed times period, but for the corner that it may cut; a lap closes."""
     settings = Settings.of(TINY | {"reference": name, "direction": direction})
-    path = settings.path(("counterclockwise", "clockwise").index(direction))
+    path = settings.path(DIRECTIONS.index(direction))
     points = path.table[:, 1:]
     assert path.lap_time == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1).sum(), rel=1e-12)
     exact = {"circle": 12.6 * np.pi, "square": 50.4, "stops": 50.4, "line": 25.2}
