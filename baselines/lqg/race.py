@@ -37,7 +37,7 @@ class RaceLQG(LQG):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment gives the controller what it reads."""
-        return super().options() | {"action_mode": "race"}
+        return super().options() | {"action_mode": "race", "start": "corner"}
 
     @classmethod
     def for_env(cls, env: Any, plan: Plan | None = None, **design: Any) -> Self:

@@ -45,14 +45,9 @@ def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -
         """Return the law's torques as an action."""
         values, blocks = observation * env.observation_scale, env.observation_blocks
         torque = stiffness * values[blocks["joint_error"]] + resistance * values[blocks["joint_error_rate"]]
-        return np.clip(torque / env.settings.action_limit[:2], -1.0, 1.0).astype(np.float32)
+        return np.clip(torque / env.settings.action_limit, -1.0, 1.0).astype(np.float32)
 
     return policy
-
-
-def racing(law: Callable[[FlexArmEnv, Any], Any], speed: float) -> Callable[[FlexArmEnv, Any], Any]:
-    """Make a policy of a race: a law's torques, and a constant speed of the reference [m/s]."""
-    return lambda env, observation: np.append(law(env, observation), np.float32(speed / env.settings.reference_speed))
 
 
 STIFF = joint_law((480.0, 160.0), (28.0, 8.5))
@@ -115,7 +110,11 @@ PICTURES = {
         controller="lqg",
     ),
     "Race-v0": Picture(
-        "A stiff spring and damper in each joint at 3 m/s: who is this slow is out.", racing(STIFF, 3.0), {}, 560
+        "Two laps in 9.4 s: the second one along the best known plan, in 4.6 s.",
+        STIFF,
+        {"start": "corner"},
+        934,
+        controller="race_lqg",
     ),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250

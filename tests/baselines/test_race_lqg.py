@@ -47,7 +47,7 @@ def test_another_race_is_refused() -> None:
             RaceLQG.for_env(env)
     with refuses(ValueError, "action_mode = 'race'"):
         RaceLQG.for_env(gymnasium.make("FlexArm/Square-v0", **LQG.options()))
-    assert Settings.of(RaceLQG.options() | {"start": "corner"}).mode.races
+    assert Settings.of(RaceLQG.options()).mode.races
 
 
 @pytest.mark.slow
