@@ -225,9 +225,9 @@ _LAB = """\
 The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
 the controllers by name."""
 _RACE = """\
-The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs 4.77 s
-for the first lap, 4.57 s for the fastest, and 14.18 s for all three; on unknown arms it is lost at once, since the plan
-uses the whole 0.25 m."""
+The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
+4.77 s for the first lap, 4.57 s for the fastest, and 14.18 s for all three. On unknown arms it is lost at once, since
+the plan uses the whole 0.25 m."""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
