@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ TINY |= {"scaled": False, "observation": ("reference_position", "reference_veloc
 TINY |= {"direction": "clockwise", "reward_weights": {"progress": 1.0}, **FREE}
 CORNER = np.array([-6.3, -6.3])
 PERIOD = 0.01
+F32 = partial(np.array, dtype=np.float32)
 
 
 def driven(speeds: list[float], **options: Any) -> PlainEnvironment:
@@ -110,7 +112,7 @@ def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
     done = bare(RACE, race_laps=1, side=2.0, reference_acceleration=1e6, error_limit=None, deflection_limit=None)
     done.reset()
     for _ in range(32):
-        *_, terminated, _, info = done.step(np.float32([0.0, 0.0, 1.0]))
+        *_, terminated, _, info = done.step(F32([0.0, 0.0, 1.0]))
         assert info["lap_times"][2] == 0.0 or terminated
     assert terminated
     assert info["end_code"] == END_CODES["finished"]
@@ -118,7 +120,7 @@ def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
     lost = bare(RACE)
     lost.reset()
     steps = 0
-    while not (result := lost.step(np.float32([0.0, 0.0, 1.0])))[2]:
+    while not (result := lost.step(F32([0.0, 0.0, 1.0])))[2]:
         steps += 1
     assert result[4]["end_code"] == END_CODES["error"]
     assert result[4]["tip_error"] > 0.25
@@ -129,10 +131,10 @@ def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
 def test_a_state_goes_on_and_a_batch_is_as_each_alone() -> None:
     env, other = bare(RACE), bare(RACE, seed=5)
     for speed in (0.2, 0.4, 0.6):
-        env.step(np.float32([0.1, -0.2, speed]))
+        env.step(F32([0.1, -0.2, speed]))
     other.set_state(env.get_state())
     for speed in (0.9, -0.2):
-        assert_same(other.step(np.float32([0.3, 0.1, speed])), env.step(np.float32([0.3, 0.1, speed])))
+        assert_same(other.step(F32([0.3, 0.1, speed])), env.step(F32([0.3, 0.1, speed])))
     names = ("progress", "reference_speed", "lap_times")
     same_as_alone(RACE, 2, {"start": "corners", "race_laps": 1, "side": 0.6, "error_limit": None}, 30, infos_too=names)
 
@@ -145,7 +147,7 @@ def test_compiled_kernels_do_the_same() -> None:
     same_as_alone(RACE, 9, {"randomisation": drawn, "start": "corners", "noise": 0.01}, 60, infos_too=names)
     envs = vector(RACE, 2, reference="circle")
     envs.reset(seed=1)
-    assert envs.step(np.float32([[0.0, 0.0, 0.2]] * 2))[4]["progress"].tolist() == [0.01, 0.01]
+    assert envs.step(F32([[0.0, 0.0, 0.2]] * 2))[4]["progress"].tolist() == [0.01, 0.01]
 
 
 def test_infos_of_other_modes_have_none_of_it() -> None:
