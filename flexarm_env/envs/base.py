@@ -92,7 +92,7 @@ class FlexArmEnvBase:
     @property
     def action_mirror(self) -> NDArray[np.float32]:
         """Sign of each number of an action in the mirrored episode. Shape (channels,)."""
-        return np.resize(np.float32(self.settings.mode.mirror), len(self.settings.action_limit))
+        return np.resize(np.array(self.settings.mode.mirror, dtype=np.float32), len(self.settings.action_limit))
 
     def mirror_observation(self, observation: ArrayLike) -> NDArray[np.float32]:
         """Return what the mirrored arm observes; mirroring twice gives the observation back.
