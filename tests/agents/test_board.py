@@ -257,7 +257,8 @@ def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> N
         elif column.nominal is not None:
             assert column.nominal in [point.value for point in column.points], name
         for point in column.points[:: max(1, len(column.points) - 1)]:
-            Settings.of(point.environment_options({}))
+            of_race = {"action_mode": "race"} if point.task == "race" else {}
+            Settings.of(point.environment_options(of_race))
     assert sum(len(point.episodes) for point in COLUMNS["unknown"].points) == DRAWN
     laps = [one.lap for point in COLUMNS["unknown"].points for one in point.episodes]
     assert laps.count("swing") == laps.count("plain") == DRAWN // 2

@@ -139,7 +139,7 @@ def test_configurations_of_the_last_release_are_read(name: str) -> None:
     values, policy = load_policy(name).notes["config"], load_policy(name).policy
     config = read_config(values) if "algorithm" in values else DAggerConfig.of(values)
     assert config.hidden == tuple(len(bias) for bias in policy.biases[:-1])
-    assert config.curriculum_options == values["lesson_options"]
+    assert config.curriculum_options == values.get("lesson_options", values.get("curriculum_options"))
 
 
 def test_former_names_warn() -> None:

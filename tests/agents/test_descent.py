@@ -95,6 +95,9 @@ def test_the_gradient_is_that_of_the_environment(options: dict[str, Any]) -> Non
         chain.weights, step, blocks = 0.2 * chain.weights, 1e-4, {"all": slice(None)}
     gradient = chain.gradient()
     for name, place in blocks.items():
+        if name == "reading_age" and options.get("delay") == 0.0:
+            assert not gradient[:, place].any()  # the block is 0
+            continue
         way = np.zeros_like(gradient)
         way[:, place] = gradient[:, place] / np.linalg.norm(gradient[:, place])
         difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)

@@ -102,7 +102,7 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     assert estimate[:, SIZE + 1] == pytest.approx([0.8, 0.8], abs=0.05)
     assert estimate[:, SIZE + 3] == pytest.approx([0.0234, 0.0234], abs=3e-3)
     assert (late < 4e-3).all()  # where it began; these motors are not late
-    assert errors[1] < 0.5 * errors[0]
+    assert errors[1] < 0.6 * errors[0]  # that of `LQG`, which is designed for arms of all the box
 
 
 @pytest.mark.slow

@@ -64,10 +64,11 @@ def test_an_episode_is_that_of_a_chain_made_with_what_it_drew() -> None:
     """To the last bit; the integration step would follow the fastest arm of the range."""
     arm = {"joint_friction": ((0.5, 2.0), (0.1, 0.5)), "payload_inertia": (0.01, 0.1), "elbow_mass": (0.0, 0.3)}
     arm |= {"masses_per_length": ((0.3, 0.4), (0.3, 0.4)), "flexural_rigidities": ((1500.0, 1700.0),) * 2}
-    env = make(randomisation=arm | {"sensor_position": (3.0, 4.5)}, physics_step=1e-3)
+    seen = {"observation": ("joint_angles", "sensed_position"), "physics_step": 1e-3}  # errors use the declared delay
+    env = make(randomisation=arm | {"sensor_position": (3.0, 4.5)}, **seen)
     found = played(env, 3)
     drawn = env.unwrapped.episode.parameters
-    twin = make(arm={name: drawn[name] for name in arm}, sensor_position=drawn["sensor_position"], physics_step=1e-3)
+    twin = make(arm={name: drawn[name] for name in arm}, sensor_position=drawn["sensor_position"], **seen)
     assert_same(found, played(twin, 3))
 
 

@@ -108,7 +108,7 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
     ("env_id", "randomisation", "options"),
     [
         (SQUARE, ARM, {"elbow_branch": "either"}),
-        (SQUARE, SENSORS, {"noise": 0.01}),
+        (SQUARE, SENSORS, {"noise": 0.01, "observation": ("joint_rates", "sensed_position", "reading_age")}),
         (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
         (SQUARE, PATH, EITHER | {"observation": ("previews", "lap_phase", "sensor_error", "reference_velocity")}),

@@ -58,10 +58,12 @@ def test_success_of_a_batch_survives_the_end_of_the_lap() -> None:
 
 def test_codes_and_reasons() -> None:
     assert [end_reason(code) for code in END_CODES.values()] == list(END_CODES)
-    assert [END_CODES[name] for name in ("none", "error", "deflection", "angle", "rate", "diverged")] == [*range(6)]
+    assert [
+        END_CODES[name] for name in ("none", "error", "deflection", "angle", "rate", "diverged", "own", "finished")
+    ] == [*range(8)]
     assert set(END_CODES) == {"none", *ENDS}
     assert end_reason(np.float64(2.0)) == "deflection"
-    for bad in (7, -1, 1.5, float("nan")):
+    for bad in (8, -1, 1.5, float("nan")):
         with refuses((TypeError, ValueError), "code = "):
             end_reason(bad)
 

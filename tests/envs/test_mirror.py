@@ -128,6 +128,7 @@ def test_each_block_declares_what_it_is() -> None:
     assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == {
         "lap_phase",
         "time",
+        "reading_age",
         "inner_gain",
         "episode_parameters",
     }

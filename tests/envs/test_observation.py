@@ -103,6 +103,7 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
         "time": run.times[:, None] - run.times[0],
         "inner_gain": np.pad(0.5 * (run.actions[:, :1] + 1.0) * (env_id in (GAIN, PAPER)), ((1, 0), (0, 0))),
         "state": run.states,
+        "reading_age": np.full((len(run.times), 1), env.episode.parameters["delay"]),
         "episode_parameters": np.tile([*env.episode.parameters.values()], (len(run.times), 1)),
     }
     for name, values in expected.items():

@@ -241,7 +241,7 @@ def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_which_ids_draw_the_branch(env_id: str) -> None:
-    """All but the moves, whose other branch is a mirror image, and the paper's set-up; a seed decides the draw."""
+    """All but the moves, whose other branch is a mirror image, the paper's set-up, races; a seed decides the draw."""
     env = make(env_id, start="corner").unwrapped
     assert isinstance(env, FlexArmEnv)
     drawn = []
@@ -250,8 +250,8 @@ def test_which_ids_draw_the_branch(env_id: str) -> None:
         drawn.append(env.episode.elbow_branch)
         env.reset(seed=seed)
         assert env.episode.elbow_branch == drawn[-1]
-    one_side = env_id in ("FlexArm/Reach-v0", "FlexArm/Paper-v0")
-    assert set(drawn) == ({"positive"} if one_side else {"positive", "negative"})
+    one_side = {"FlexArm/Reach-v0": "positive", "FlexArm/Paper-v0": "positive", "FlexArm/Race-v0": "negative"}
+    assert set(drawn) == ({one_side[env_id]} if env_id in one_side else {"positive", "negative"})
 
 
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise", "either"])

@@ -41,7 +41,8 @@ NOISY: dict[str, Any] = RANDOM | POOR_SENSOR | FORESHORTENED  # of the square, w
 
 
 def noisy(env_id: str) -> dict[str, Any]:
-    return {PAPER: RANDOM, SQUARE: NOISY}.get(env_id, RANDOM | POOR_SENSOR)
+    corner = {"start": "corner"} if env_id == "FlexArm/Race-v0" else {}  # a race begins at rest
+    return {PAPER: RANDOM, SQUARE: NOISY}.get(env_id, RANDOM | POOR_SENSOR | corner)
 
 
 def digest(env: Any, steps: int = 10) -> str:

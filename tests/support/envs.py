@@ -170,6 +170,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         FORESHORTENED,
     ],
     "SquareEncoders": [],
+    "Race": [{"race_laps": 1, "reference_speed": 10.0, "reference_acceleration": 50.0}],
     "Reach": _SENSING[:1],
     "Track": [*_SENSING[:1], {"reference": "figure_eight", "start": "corners"}],
     "Paper": [
@@ -196,7 +197,7 @@ _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
 
 def _options_of(name: str) -> list[dict[str, Any]]:
-    return [{}] if name in _CHOICES else _COMMON + _BY_ID[name]
+    return [{}, *_BY_ID.get(name, [])] if name in _CHOICES else _COMMON + _BY_ID[name]
 
 
 CASES = [
