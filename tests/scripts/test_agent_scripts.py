@@ -29,6 +29,8 @@ TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every
 ALONE = ("--no-baselines", "--no-shipped")
 OUTPUT = ("--output", "scores.json")
 
+TAUGHT_SINCE = {"student_unknown", "student_unknown_stamped"}  # since the shipped board was measured
+
 
 # --- training -----------------------------------------------------------------------------------------------------
 
@@ -94,7 +96,7 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
     assert {found[name]["environment"] for name in shipped} == {"FlexArm/Square-v0"}
     board = {row["name"]: row for row in json.loads(PUBLISHED.read_text())["rows"]}
-    for name in shipped:
+    for name in sorted(set(shipped) - TAUGHT_SINCE):
         point = board[f"agent {name}"]["columns"]["nominal"]["points"][0]
         for lap in LAPS:
             assert laps[name][lap]["rms"] == pytest.approx(point[lap]["rms"]["mean"], abs=1e-4)
