@@ -156,8 +156,17 @@ class TorqueController(ABC):
         rows = checked_observation(observation, len(self.task.scale))
         seen = Seen(self.task, np.atleast_2d(rows))
         torque, memory = self.torque(seen, self._memory(seen, state, episode_start))
-        action = np.clip(torque / np.asarray(self.task.torque_limit), -1.0, 1.0).astype(np.float32)
-        return action.reshape(*rows.shape[:-1], 2), memory
+        action = self.action(seen, torque).astype(np.float32)
+        return action.reshape(*rows.shape[:-1], action.shape[1]), memory
+
+    def action(self, seen: Seen, torque: Floats) -> Floats:
+        """Return the actions that command some torques. Shape (n, channels).
+
+        Args:
+            seen: the observations.
+            torque: [N m]. Shape (n, 2).
+        """
+        return np.clip(torque / np.asarray(self.task.torque_limit), -1.0, 1.0)
 
     def _memory(self, seen: Seen, state: State, episode_start: Array | None) -> Memory:
         """Begin the memory of the arms whose episode starts, and keep that of the others."""

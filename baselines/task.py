@@ -80,9 +80,7 @@ class Task:
         settings = env_attribute(env, "settings")
         wanted = "torque" if path is None else "race"
         if settings.action_mode != wanted:
-            raise ValueError(
-                f"env: its action must be the torque, action_mode = {wanted!r}, got {settings.action_mode!r}"
-            )
+            raise ValueError(f"env: must have action_mode = {wanted!r}, got action_mode = {settings.action_mode!r}")
         if settings.frame != "world":
             raise ValueError(f"env: Cartesian blocks must be in the world's frame, got frame = {settings.frame!r}")
         paths = dict(zip(DIRECTIONS, settings.paths, strict=False))

@@ -87,9 +87,8 @@ class ReferenceEpisode:
         square_error = reward.squared_distance(now.true_tip, self._reference(0.0))
         terms = reward.tracking_terms(square_error)
         terms += reward.regularising_terms(change, torque, now.deflection_rate)
-        total = sum(
-            WEIGHTS.get(name, 0.0) * term for name, term in zip(reward.TERMS, terms, strict=False)
-        )  # without a race's
+        names = [name for name in reward.TERMS if name not in reward.OF_RACES]
+        total = sum(WEIGHTS.get(name, 0.0) * term for name, term in zip(names, terms, strict=True))
         invalid = np.any(np.abs(now.state) > state_limits(self.arm))  # it has no reward
         outside = max(map(abs, now.deflection)) > LARGEST_DEFLECTION or square_error > LARGEST_ERROR**2
         ended = bool(invalid or outside), self.steps >= STEPS * SUBSTEPS

@@ -10,13 +10,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from flexarm_baselines.arrays import Array, Float32s
+from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Seen
 from flexarm_baselines.lqg.controller import LQG
 from flexarm_baselines.observers import SENSORS
 from flexarm_baselines.optimal.library import SAME
 from flexarm_baselines.optimal.plan import Plan, load_plan
-from flexarm_baselines.policy import Observation, State, env_attribute
+from flexarm_baselines.policy import env_attribute
 from flexarm_baselines.task import Task
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import ReferencePath
@@ -67,15 +67,6 @@ class RaceLQG(LQG):
         period = np.round(np.nan_to_num(seen["time"][:, 0]) / self.task.period)
         return np.minimum(period, len(self.plans[0].torques) - 1).astype(np.int64)
 
-    def predict(
-        self,
-        observation: Observation,
-        state: State = None,
-        episode_start: Array | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Float32s, State]:
-        """Choose actions; see `TorqueController.predict`."""
-        torque, memory = super().predict(observation, state, episode_start, deterministic)
-        period = self.period_of(Seen(self.task, np.atleast_2d(np.asarray(observation))))
-        share = self.shares[period].astype(np.float32).reshape(*torque.shape[:-1], 1)
-        return np.concatenate([torque, share], axis=-1), memory
+    def action(self, seen: Seen, torque: Floats) -> Floats:
+        """Return the torques as an action, and the speed of the plan's reference; see `TorqueController.action`."""
+        return np.column_stack([super().action(seen, torque), self.shares[self.period_of(seen)]])

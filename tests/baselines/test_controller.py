@@ -88,7 +88,7 @@ def test_it_reads_an_environment_and_runs() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"action_mode": "torque_rate"}, "must be the torque.*got 'torque_rate'"),
+        ({"action_mode": "torque_rate"}, "action_mode = 'torque_rate'"),
         ({"frame": "link"}, "frame = 'link'"),
         ({"direction": "either"}, "direction = 'either'"),
         ({"reference": ("square", "circle")}, "one reference"),

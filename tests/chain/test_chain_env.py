@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 from flexarm_env.extras import install_command
-from tests.support.envs import SQUARE, assert_same, bare, in_fresh_process, kinds_of
+from tests.support.envs import SQUARE, WITHOUT_ERRORS, assert_same, bare, in_fresh_process, kinds_of
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -64,7 +64,7 @@ def test_an_episode_is_that_of_a_chain_made_with_what_it_drew() -> None:
     """To the last bit; the integration step would follow the fastest arm of the range."""
     arm = {"joint_friction": ((0.5, 2.0), (0.1, 0.5)), "payload_inertia": (0.01, 0.1), "elbow_mass": (0.0, 0.3)}
     arm |= {"masses_per_length": ((0.3, 0.4), (0.3, 0.4)), "flexural_rigidities": ((1500.0, 1700.0),) * 2}
-    seen = {"observation": ("joint_angles", "sensed_position"), "physics_step": 1e-3}  # errors use the declared delay
+    seen = {"observation": WITHOUT_ERRORS, "physics_step": 1e-3}  # errors use the declared delay
     env = make(randomisation=arm | {"sensor_position": (3.0, 4.5)}, **seen)
     found = played(env, 3)
     drawn = env.unwrapped.episode.parameters

@@ -14,7 +14,17 @@ from flexarm_env.envs.distributions import checked_distribution, quantiles
 from flexarm_env.envs.options import DRAWABLE, Options
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.step_error import TOLERANCE, expected_error
-from tests.support.envs import RESIDUAL, SQUARE, actions_for, assert_same, bare, exact_actions, same_as_alone, vector
+from tests.support.envs import (
+    RESIDUAL,
+    SQUARE,
+    WITHOUT_ERRORS,
+    actions_for,
+    assert_same,
+    bare,
+    exact_actions,
+    same_as_alone,
+    vector,
+)
 from tests.support.refusals import refuses
 
 ARM: dict[str, Any] = {
@@ -108,7 +118,7 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
     ("env_id", "randomisation", "options"),
     [
         (SQUARE, ARM, {"elbow_branch": "either"}),
-        (SQUARE, SENSORS, {"noise": 0.01, "observation": ("joint_rates", "sensed_position", "reading_age")}),
+        (SQUARE, SENSORS, {"noise": 0.01, "observation": WITHOUT_ERRORS}),
         (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
         (SQUARE, PATH, EITHER | {"observation": ("previews", "lap_phase", "sensor_error", "reference_velocity")}),

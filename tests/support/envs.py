@@ -27,6 +27,12 @@ Array = NDArray[np.float64]
 OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
 # Blocks that every environment may have, whatever its action mode, and without further sensors.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in OF_FURTHER_SENSORS]
+# Blocks that do not depend on whether what the sensor has is drawn or declared: errors use what is declared.
+WITHOUT_ERRORS = (
+    *(x for x in DEFAULT_OBSERVATION if not x.startswith("sensor_error")),
+    "sensed_position",
+    "reading_age",
+)
 BY_THE_CLOCK = [name for name in TERMS if name not in OF_RACES]  # terms of every reward
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
