@@ -213,15 +213,20 @@ def _run(
     found = []
     for i, episode in enumerate(episodes):
         known = {name: values[: lengths[i], i] for name, values in record.items()}
-        one: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i]}
-        one["duration"] = float(known["time"][-1])
-        one["figures"] = _figures(task, view, known) if ended[i] in task.complete else None
-        if success[i] is not None:
-            one["success"] = success[i] and ended[i] in task.complete
-        if drawn is not None:
-            one["drawn"] = drawn[i]
-        found.append(one)
+        found.append(
+            _outcome(task, view, episode, known, ended[i], success[i]) | ({"drawn": drawn[i]} if drawn else {})
+        )
     return found
+
+
+def _outcome(
+    task: BoardTask, view: FlexArmEnvBase, episode: Episode, known: dict[str, Array], ended: str, success: bool | None
+) -> dict[str, Any]:
+    """Return plain values of an episode by its record and its end; `success` is None where the task has no goal."""
+    complete = ended in task.complete
+    found: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended}
+    found |= {"duration": float(known["time"][-1]), "figures": _figures(task, view, known) if complete else None}
+    return found if success is None else found | {"success": success and complete}
 
 
 def _figures(task: BoardTask, view: FlexArmEnvBase, known: dict[str, Array]) -> dict[str, Any]:

@@ -94,18 +94,7 @@ def identify(
         if all(abs(noise[name] / former[name] - 1.0) < 0.02 for name in noise):
             break
     fit = Fit(model, arm, names, measured, noise)
-    slopes = fit.jacobian(unknown)
-    scale = np.linalg.norm(slopes, axis=0)
-    scale[scale == 0.0] = 1.0
-    _, size, directions = np.linalg.svd(slopes / scale, full_matrices=False)
-    seen = size > 1e-10 * size[0]
-    if np.any(np.abs(directions[~seen, : len(names)]) > 1e-6):  # parts of first states may stay unknown
-        raise ValueError(f"names = {shown(list(names))}: the recordings do not tell them apart; fit fewer of them")
-    deviation = (np.linalg.norm(directions[seen] / size[seen, None], axis=0) / scale)[: len(names)]
-    count = sum(np.isfinite(one).sum() for one in fit.left(unknown).values())
-    if count <= np.sum(seen):
-        raise ValueError(f"recordings: {count} readings for as many unknown numbers, {np.sum(seen)}; must be more")
-    deviation *= np.sqrt(count / (count - np.sum(seen)))  # what is left is less than the noise by what was fitted
+    deviation = _deviations(fit, unknown, names)
     width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
     values = unknown[: len(names)]
     return Identified(
@@ -205,3 +194,24 @@ def _windows(recordings: Sequence[Recording], window: float) -> tuple[Array, dic
         return np.concatenate(filled).reshape(-1, size, 2)
 
     return whole("torque", 0.0), {name: whole(name) for name in first.channels}, first.period
+
+
+def _deviations(fit: Fit, unknown: Array, names: Sequence[str]) -> Array:
+    """Return the standard deviations of the parameters, the first of the unknown numbers. Shape (len(names),).
+
+    Raises:
+        ValueError: for parameters that the recordings do not tell apart, or too few readings.
+    """
+    slopes = fit.jacobian(unknown)
+    scale = np.linalg.norm(slopes, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, size, directions = np.linalg.svd(slopes / scale, full_matrices=False)
+    seen = size > 1e-10 * size[0]
+    if np.any(np.abs(directions[~seen, : len(names)]) > 1e-6):  # parts of first states may stay unknown
+        raise ValueError(f"names = {shown(list(names))}: the recordings do not tell them apart; fit fewer of them")
+    deviation = (np.linalg.norm(directions[seen] / size[seen, None], axis=0) / scale)[: len(names)]
+    count = sum(np.isfinite(one).sum() for one in fit.left(unknown).values())
+    if count <= np.sum(seen):
+        raise ValueError(f"recordings: {count} readings for as many unknown numbers, {np.sum(seen)}; must be more")
+    # what is left is less than the noise by what was fitted
+    return np.asarray(deviation * np.sqrt(count / (count - np.sum(seen))))
