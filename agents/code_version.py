@@ -16,7 +16,7 @@ from typing import Any
 
 PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
 # Data that a module reads from its package.
-DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz"}
+DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz", "flexarm_baselines.lqg.race": "plans/races/*.npz"}
 
 
 def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:

@@ -185,15 +185,15 @@ LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
+# Variants of another entry that take as long as all others; who wants them adds them by name.
+LEFT_OUT = ("nmpc_path", "nmpc_adaptive_stamped")
 LIMITED = tuple(Entry(name, f"{name}_limited", limited=True) for name in ("ifdc", "flsac"))
 
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
     """Return all entries, each with a name of its own."""
-    entries = [Entry(name, environment=CONTROLLERS[name].environment) for name in controller_names()] + [
-        *LATE,
-        *LIMITED,
-    ]
+    own = [name for name in controller_names() if name not in LEFT_OUT]
+    entries = [*(Entry(name, environment=CONTROLLERS[name].environment) for name in own), *LATE, *LIMITED]
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     entries += [_added(source) for source in added]
     names = [entry.name for entry in entries]

@@ -12,7 +12,8 @@ from flexarm_agents.board import carry, race
 from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
 from flexarm_agents.environments import INTERFACE, settings_of
 from flexarm_agents.evaluation.scoring import COMPLETE
-from flexarm_baselines.optimal.plan import PLANS, load_plan
+from flexarm_baselines.lqg.race import race_plan
+from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
@@ -62,7 +63,7 @@ def best_plans(name: str = "default") -> Best:
 
 def best_race() -> Best:
     """Return the times of the best plan known for a race [s]."""
-    first, fastest, whole = load_plan("default_race").notes["lap_times"]
+    first, fastest, whole = race_plan().notes["lap_times"]
     return {"all": {"three_laps": whole, "fastest_lap": fastest, "first_lap": first}}
 
 

@@ -177,15 +177,17 @@ class AdaptiveLQG(LQG):
         late, variance = np.tile(given[:, 2], (shape[0], 1)), np.full(shape, LATENESS.deviation**2)
         beliefs = Beliefs(estimate, late, variance, np.zeros_like(estimate))
         believed: Array = np.zeros(shape[0], dtype=np.int64)
-        return (*beliefs, chosen, np.zeros((shape[0], 2)), np.zeros(shape), believed)
+        nothing = np.zeros((shape[0], 2))
+        return (*beliefs, chosen, nothing, np.zeros(shape), believed, np.full_like(nothing, np.nan))
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Correct all estimates by the readings, command torques by the best ones, and predict the next estimates."""
-        chosen, before, doubt, believed = memory[4:]
+        chosen, before, doubt, believed, tip = memory[4:]
         count, bank = doubt.shape
         arms = np.repeat(np.arange(count), bank)
         plans, periods = chosen[arms], self.period_of(seen)[arms]
-        beliefs, squares = self._corrected(plans, periods, Beliefs(*memory[:4]).flat(), self._readings(seen)[arms])
+        readings = self._readings(seen, tip)[arms]
+        beliefs, squares = self._corrected(plans, periods, Beliefs(*memory[:4]).flat(), readings)
         doubt = MEMORY * doubt + squares.reshape(count, bank)
         believed = least_in_doubt(doubt, believed)
 
@@ -197,7 +199,7 @@ class AdaptiveLQG(LQG):
         moves = before[arms], torque[arms], share
         slope = self.filter.by_lateness(at, beliefs.slope, *moves)
         beliefs = beliefs._replace(estimate=self.filter.predict(at, beliefs.estimate, *moves), slope=slope)
-        return torque, (*beliefs.by_arm(count), chosen, torque, doubt, believed)
+        return torque, (*beliefs.by_arm(count), chosen, torque, doubt, believed, seen["sensed_position"])
 
     def _corrected(self, plans: Array, periods: Array, beliefs: Beliefs, readings: Floats) -> tuple[Beliefs, Floats]:
         """Return flat estimates after the readings, and the normalised squares of the innovations. Shape (n h,)."""

@@ -17,8 +17,8 @@ import numpy as np
 from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Floats, product
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables
-from flexarm_baselines.observers import GAUGES, SENSORS, KalmanFilter, NoiseModel
+from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables
+from flexarm_baselines.observers import GAUGES, SENSORS, KalmanFilter, NoiseModel, fresh
 from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
@@ -101,29 +101,38 @@ class LQG(PlanController):
         """Begin on the nearest plan, with motors at rest."""
         chosen, period = self.nearest(seen["joint_angles"], self.period_of(seen)), self.period_of(seen)
         nothing = np.zeros((len(seen), 2))
-        return self.filter.nominal[chosen, period], chosen, nothing, nothing
+        return self.filter.nominal[chosen, period], chosen, nothing, nothing, np.full_like(nothing, np.nan)
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Correct the estimate by the readings, command torques, and predict the next estimate."""
-        estimate, chosen, before, integral = memory
+        estimate, chosen, before, integral, tip = memory
         at, tables = (chosen, self.period_of(seen)), self.filter
-        readings, nominal = self._readings(seen), tables.nominal[at]
+        readings = self._readings(seen, tip)
         estimate = estimate + product(tables.gain[at], tables.residual(estimate, readings))
-        late, counted = np.full((len(seen), 1), self.late), integral[:, : 2 * self.integrates]
-        off = (estimate - nominal)[:, : tables.matrix.shape[-1]]
-        torque = self.limited(self.regulator.torques(at, off, before, late, counted))
-        integral = integral + self.task.period * (readings - nominal[:, tables.rows])[:, TIP]
-        return torque, (tables.predict(at, estimate, before, torque, late), chosen, torque, integral)
+        late = np.full((len(seen), 1), self.late)
+        wanted, estimate = self._driven(at, estimate, before, late, integral)
+        torque = self.limited(wanted)
+        integral = integral + self.task.period * tables.residual(tables.nominal[at], readings)[:, TIP]
+        after = tables.predict(at, estimate, before, torque, late)
+        return torque, (after, chosen, torque, integral, seen["sensed_position"])
+
+    def _driven(
+        self, at: Place, estimate: Floats, before: Floats, late: Floats, integral: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return torques without their limits [N m], Shape (n, 2), and the estimate from which prediction goes on."""
+        off = (estimate - self.filter.nominal[at])[:, : self.filter.matrix.shape[-1]]
+        return self.regulator.torques(at, off, before, late, integral[:, : 2 * self.integrates]), estimate
 
     def limited(self, torque: Floats) -> Floats:
         """Return torques within the motors' limits [N m]."""
         limit = np.asarray(self.task.torque_limit)
         return np.clip(torque, -limit, limit)
 
-    def _readings(self, seen: Seen) -> Floats:
-        """Return what the sensors read, in the order of `observers.Readings`. Shape (n, r)."""
-        blocks = [name for name in self.blocks if name not in ("lap_phase", "time", "reading_age")]
-        return np.concatenate([seen[name] for name in blocks], axis=1)
+    def _readings(self, seen: Seen, before: Floats) -> Floats:
+        """Return what the sensors read, in the order of `observers.Readings`; see `fresh`. Shape (n, r)."""
+        tip = fresh(seen["sensed_position"], before)
+        others = [seen[name] for name in GAUGES if name in self.blocks]
+        return np.concatenate([seen["joint_angles"], seen["joint_rates"], tip, *others], axis=1)
 
 
 class GaugedLQG(LQG):

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_baselines.arrays import Floats, product
-from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.controller import LQG, NOISE, WEIGHTS
+from flexarm_baselines.lqg.tables import Place
 from flexarm_baselines.observers import KalmanFilter, NoiseModel, Transition
 from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.optimal.linear_quadratic import ENDURING
@@ -173,18 +173,15 @@ class HInfinityLQG(LQG):
         found = Game.of(task, self.plans, FlexibleArm(task.arm), weights, noise).solved(gamma)
         if found is None:
             raise ValueError(f"gamma = {gamma}: no controller guarantees it; the least is that of `least_gamma`")
-        self.solution = found
+        self.solution, self.filter = found, replace(self.filter, gain=found.correction)
 
-    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
-        """Correct the estimate, command the torques of its worst case, and predict the next one."""
-        estimate, chosen, before, integral = memory
-        at, tables, found = (chosen, self.period_of(seen)), self.filter, self.solution
-        estimate = estimate + product(found.correction[at], tables.residual(estimate, self._readings(seen)))
-        off = estimate - tables.nominal[at]
-        torque = self.limited(self.regulator.torque[at] + product(found.regulator[at], off))
-        pulled = estimate + product(found.pull[at], off)
-        late = np.full((len(seen), 1), self.late)
-        return torque, (tables.predict(at, pulled, before, torque, late), chosen, torque, integral)
+    def _driven(
+        self, at: Place, estimate: Floats, before: Floats, late: Floats, integral: Floats
+    ) -> tuple[Floats, Floats]:
+        """Command the torques of the worst case, and pull the estimate towards it."""
+        off = estimate - self.filter.nominal[at]
+        wanted = self.regulator.torque[at] + product(self.solution.regulator[at], off)
+        return wanted, estimate + product(self.solution.pull[at], off)
 
 
 def least_gamma(game: Game, low: float = 1.0, high: float = 1e5, digits: float = 1e-2) -> float:

@@ -75,16 +75,13 @@ class InertialLQG(LQG):
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Correct the estimate by the IMU, and go on as LQG does."""
-        estimate, chosen, before, integral = memory
+        estimate, chosen, before, *rest = memory
         at = chosen, self.period_of(seen)
         off = (estimate - self.filter.nominal[at])[:, : self.by_state.shape[-1]]
         known = self.expected[at] + product(self.by_state[at], off)
         known += product(self.by_torque[at], before - self.before[at])
         read = np.concatenate([seen[name] for name in IMU], axis=1)
-        return super().torque(seen, (estimate + product(self.gain[at], read - known), chosen, before, integral))
-
-    def _readings(self, seen: Seen) -> Floats:
-        return np.concatenate([seen[name] for name in SENSORS], axis=1)
+        return super().torque(seen, (estimate + product(self.gain[at], read - known), chosen, before, *rest))
 
     def _with_imu(self, kalman: KalmanFilter, variances: Floats) -> Floats:
         """Put the gains of a filter that has the IMU in the place of the others, and return those on the IMU."""

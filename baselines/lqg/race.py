@@ -15,13 +15,14 @@ from flexarm_baselines.controller import Seen
 from flexarm_baselines.lqg.controller import LQG
 from flexarm_baselines.observers import SENSORS
 from flexarm_baselines.optimal.library import SAME
-from flexarm_baselines.optimal.plan import Plan, load_plan
+from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_baselines.policy import env_attribute
 from flexarm_baselines.task import Task
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import ReferencePath
+from flexarm_env.validation import choice
 
-PLAN = "default_race"  # its note "ways" has how far the reference is at each instant [m]
+RACES = PLANS / "races"  # a plan's note "ways" has how far the reference is at each instant [m]
 
 
 class RaceLQG(LQG):
@@ -51,7 +52,7 @@ class RaceLQG(LQG):
         Raises:
             ValueError: if it is no race along the plan's path, at its control period, with its torques.
         """
-        plan, settings = load_plan(PLAN) if plan is None else plan, env_attribute(env, "settings")
+        plan, settings = race_plan() if plan is None else plan, env_attribute(env, "settings")
         time = plan.period * np.arange(len(plan.states))
         task = Task.of(env, ReferencePath(np.column_stack([time, plan.reference])))
         path, ways = settings.paths[DIRECTIONS.index(settings.direction)], np.asarray(plan.notes["ways"])
@@ -70,3 +71,12 @@ class RaceLQG(LQG):
     def action(self, seen: Seen, torque: Floats) -> Floats:
         """Return the torques as an action, and the speed of the plan's reference; see `TorqueController.action`."""
         return np.column_stack([super().action(seen, torque), self.shares[self.period_of(seen)]])
+
+
+def race_plan(name: str = "default") -> Plan:
+    """Load a plan of a race that comes with the package.
+
+    Raises:
+        ValueError: for another name.
+    """
+    return Plan.load(RACES / f"{choice('name', name, sorted(path.stem for path in RACES.glob('*.npz')))}.npz")

@@ -110,8 +110,8 @@ class FilterTables:
         )
 
     def residual(self, estimate: Floats, readings: Floats) -> Floats:
-        """Return readings less what z says that they are. Shape (n, r)."""
-        return within_half_a_turn(readings - estimate[:, self.rows])
+        """Return readings less what z says that they are, 0 where a reading is missing (NaN). Shape (n, r)."""
+        return np.nan_to_num(within_half_a_turn(readings - estimate[:, self.rows]))
 
     def predict(self, at: Place, estimate: Floats, before: Floats, torque: Floats, late: Floats) -> Floats:
         """Return z a control period later. Shape (n, d).

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_baselines.arrays import Array
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Floats
 
 # Blocks of an observation that hold them: encoders and the late tip, and what strain gauges add.
 SENSORS = ("joint_angles", "joint_rates", "sensed_position")
@@ -24,3 +26,16 @@ class Readings(NamedTuple):
     joints: Array
     tip: Array
     gauges: Array | None = None
+
+
+def fresh(tip: Floats, before: Floats) -> Floats:
+    """Return the late tip's readings, with NaN for arms whose sensor holds the one before. Shape (n, 2).
+
+    A sensor that lost a reading, or has none yet, delivers the last one again; a tip that moves never reads the same
+    twice.
+
+    Args:
+        tip: readings that are delivered. Shape (n, 2).
+        before: those of the control period before; NaN: there are none. Shape (n, 2).
+    """
+    return np.where((tip == before).all(axis=1)[:, None], np.nan, tip)

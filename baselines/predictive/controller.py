@@ -16,9 +16,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController, within_half_a_turn
-from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
+from flexarm_baselines.arrays import Array, Bools, Floats, chosen_rows, is_sound
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings, fresh
 from flexarm_baselines.optimal.laps import DEFLECTION
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
@@ -190,33 +190,37 @@ class NMPC(PredictiveController):
         self._stiffest = 0.9 * (arm.longest_step() / self.iteration.step) ** 2
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
-        """Begin the filter's estimate."""
-        return tuple(self.filter.start(state))
+        """Begin the filter's estimate; no tip has been read."""
+        return (*self.filter.start(state), np.full((len(seen), 2), np.nan))
 
     def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
         """Correct the estimate by the readings; one that lost its numbers begins anew."""
-        estimate = Estimate(*belief)
+        lost = ~self.filter.is_sound(Estimate(*belief[:2]))
+        estimate, tip = self._begun_anew(Estimate(*belief[:2]), lost, seen, run), seen["sensed_position"]
         joints = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
         expected = self.filter.state(estimate)[:, :2]
         joints[:, :2] = expected + within_half_a_turn(joints[:, :2] - expected)
         reads_gauges = "modal_coordinates" in self.blocks
         gauges = np.concatenate([seen[name] for name in GAUGES], axis=1) if reads_gauges else None
         with np.errstate(over="ignore", invalid="ignore"):
-            estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], gauges))
-        lost = ~self.filter.is_sound(estimate)
-        if lost.any():
-            again = self.filter.start(self.resting(seen, run)[lost])
-            for part, begun in zip(estimate, again, strict=True):
-                part[lost] = begun
+            estimate, _ = self.filter.correct(estimate, Readings(joints, fresh(tip, belief[2]), gauges))
+        estimate = self._begun_anew(estimate, lost | ~self.filter.is_sound(estimate), seen, run)
         values = {name: value for name, value in self.filter.values(estimate).items() if name in ARM_QUANTITIES}
         if "stiffness" in values:
             values["stiffness"] = np.minimum(values["stiffness"], self._stiffest)
-        return self.filter.state(estimate), values, tuple(estimate)
+        return self.filter.state(estimate), values, (*estimate, tip)
+
+    def _begun_anew(self, estimate: Estimate, lost: Bools, seen: Seen, run: Array) -> Estimate:
+        """Return estimates of which those that are lost are those of arms at rest."""
+        if not lost.any():
+            return estimate
+        again = self.filter.start(self.resting(seen, run))
+        return Estimate(*(chosen_rows(lost, begun, part) for begun, part in zip(again, estimate, strict=True)))
 
     def advance(self, belief: Memory, torque: Floats) -> Memory:
         """Predict the estimate of the next instant."""
         with np.errstate(over="ignore", invalid="ignore"):  # `update` begins an estimate anew that lost its numbers
-            return tuple(self.filter.predict(Estimate(*belief), torque))
+            return (*self.filter.predict(Estimate(*belief[:2]), torque), *belief[2:])
 
 
 class GaugedNMPC(NMPC):
@@ -232,12 +236,15 @@ class StampedNMPC(NMPC):
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """See `NMPC`."""
-        return tuple(self.filter.start(state, delay=seen["reading_age"][:, 0]))
+        return self._told(seen, super().begin(seen, state))
 
     def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
         """See `NMPC`."""
-        told = self.filter.told(Estimate(*belief), delay=seen["reading_age"][:, 0])
-        return super().update(seen, tuple(told), run)
+        return super().update(seen, self._told(seen, belief), run)
+
+    def _told(self, seen: Seen, belief: Memory) -> Memory:
+        """Put the latest reading's age in the place of the estimated delay."""
+        return (*self.filter.told(Estimate(*belief[:2]), delay=seen["reading_age"][:, 0]), *belief[2:])
 
 
 class StateNMPC(PredictiveController):

@@ -20,11 +20,10 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from flexarm_agents.files import put
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.lqg.race import PLAN
+from flexarm_baselines.lqg.race import RACES
 from flexarm_baselines.optimal import Plan, TrackingProblem
 from flexarm_baselines.optimal.laps import lap_square
 from flexarm_baselines.optimal.linear_quadratic import GOOD
-from flexarm_baselines.optimal.plan import PLANS
 from flexarm_baselines.optimal.solver import Search, rollout
 from flexarm_baselines.optimal.starts import Branch, along
 from flexarm_baselines.optimal.tracking import PlanRegulator
@@ -215,14 +214,14 @@ def main() -> None:
     options, race = read_options("python -m scripts.optimise.race", Options()), Race()
     options.output.mkdir(parents=True, exist_ok=True)
     plan = plan_of(race, *polish(race, *chase(race, options.passes), options.rounds))
-    file = options.output / f"{PLAN}.npz"
+    file = options.output / "default.npz"
     put(file, lambda aside: plan.save(aside, run=False))
     first, fastest, whole = plan.notes["lap_times"]
     print(
         f"first lap {first} s, fastest {fastest} s, all three {whole} s, off by {plan.notes['largest_error']} m at most"
     )
     if options.ship:
-        shutil.copyfile(file, PLANS / file.name)
+        shutil.copyfile(file, RACES / file.name)
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
             off.append(ARM.tip(plant.states[:, :4]) - ARM.tip(PLAN.states[plant.period, :4]))
         errors.append(np.sqrt(np.mean(np.sum(np.square(off[80:]), axis=-1))))
     assert state is not None
-    beliefs, believed = Beliefs(*state[:4]), (np.arange(2), state[-1])
+    beliefs, believed = Beliefs(*state[:4]), (np.arange(2), state[-2])
     estimate, late = beliefs.estimate[believed], beliefs.late[believed]
     assert estimate[:, SIZE] == pytest.approx([0.3, 0.3], abs=0.05)
     assert estimate[:, SIZE + 1] == pytest.approx([0.8, 0.8], abs=0.05)

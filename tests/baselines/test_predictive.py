@@ -222,7 +222,7 @@ def test_an_estimate_that_loses_its_numbers_on_the_way_begins_anew() -> None:
     _, state = following.predict(plant.observe())
     fast = state[4].copy()
     fast[0, SIZE // 2 : SIZE] = 1e11
-    good, lost = (following.advance((mean, state[5]), np.zeros((2, 2))) for mean in (state[4], fast))
+    good, lost = (following.advance((mean, *state[5:]), np.zeros((2, 2))) for mean in (state[4], fast))
     assert not is_sound(lost[0])[0]
     for one, other in zip(good, lost, strict=True):
         np.testing.assert_array_equal(other[1], one[1])

@@ -10,8 +10,7 @@ from flexarm_agents.board.columns import Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
 from flexarm_baselines.lqg import LQG, RaceLQG
-from flexarm_baselines.lqg.race import PLAN
-from flexarm_baselines.optimal.plan import load_plan
+from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.registry import controller
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
@@ -23,7 +22,7 @@ RACE = "FlexArm/Race-v0"
 
 def test_the_plan_is_a_race_of_the_environment() -> None:
     """Its reference moves as the third action can move it, and its tip stays within the limit, by the model alone."""
-    plan = load_plan(PLAN)
+    plan = race_plan()
     env = gymnasium.make(RACE, **RaceLQG.options()).unwrapped
     assert isinstance(env, FlexArmEnv)
     ways, own = np.array(plan.notes["ways"]), env.settings
@@ -58,7 +57,7 @@ def test_the_board_times_it_and_refuses_who_does_not_race() -> None:
     assert entry.home == "race"
     race, square = run_points(entry, [Point("nominal", task="race"), Point("square")])
     figures = race["episodes"][0]["figures"]
-    first, fastest, whole = load_plan(PLAN).notes["lap_times"]
+    first, fastest, whole = race_plan().notes["lap_times"]
     found = [figures[name] for name in ("first_lap", "fastest_lap", "three_laps")]
     np.testing.assert_allclose(found, [first, fastest, whole], atol=1e-3)
     assert "a race is run by" in square["not_applicable"]

@@ -66,7 +66,7 @@ def test_a_short_run_goes_on_where_it_was(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Plan.load(tmp_path / "linear_plain.npz").torques, plan.torques)
 
 
-@pytest.mark.parametrize("name", [name for name in plan_names() if name != "default_race"])  # it has no lap time
+@pytest.mark.parametrize("name", plan_names())
 def test_a_plan_of_the_package_is_whole(name: str) -> None:
     """Its states are of the lap, its tips are as far from the reference as its report says."""
     plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
@@ -90,7 +90,7 @@ def test_the_page_shows_the_plans_of_the_package() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in plan_names() if name != "default_race"])  # it has no lap time
+@pytest.mark.parametrize("name", plan_names())
 def test_a_plan_of_the_package_replays_to_its_score(name: str) -> None:
     plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     np.testing.assert_allclose(plan.replay().states, plan.states, atol=1e-6)
