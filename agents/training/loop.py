@@ -18,7 +18,7 @@ from stable_baselines3.common.logger import Logger, configure
 from tqdm import tqdm
 
 from flexarm_agents.environments import make_one
-from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
+from flexarm_agents.evaluation.scoring import FINISHED, StandardScore, evaluate, rank
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
 from flexarm_agents.policies.network import NetworkPolicy
@@ -45,7 +45,9 @@ class TrainingProgress:
     @property
     def state(self) -> str:
         """The best evaluation in a few words."""
-        return f"best {self.best_rank[1]:.3f} m" if self.best_rank[0] == 0 else "none with complete laps yet"
+        if self.best is None or self.best_rank[0]:
+            return "none with complete laps yet"
+        return f"best {self.best_rank[1]:.3f} {'s' if self.rows[self.best]['plain']['ended'] == FINISHED else 'm'}"
 
 
 class Training(ABC):
