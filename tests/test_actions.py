@@ -1,7 +1,5 @@
 """The map between actions and gains: by hand, its inverse, what it refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What to run where an extra is missing: what works for this installation."""
 
-from __future__ import annotations
-
 import json
 from importlib import metadata
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Identification: derivatives, estimates and their intervals, recordings as files, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import logging
 from dataclasses import replace

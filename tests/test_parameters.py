@@ -135,9 +135,6 @@ def test_unknown_names_are_refused() -> None:
         ArmParameters.paper(no_such_parameter=1.0)
 
 
-# --- what sensors do not combine with ---------------------------------------------------------------------------------
-
-
 def test_a_collocated_sensor_has_no_delay() -> None:
     for delay in (0.0, 0.01, (0.01, 0.02)):
         with refuses(ValueError, "delay = ", "collocated", "None"):
@@ -168,9 +165,6 @@ def test_any_real_number_is_a_delay(model: Any, delay: Any) -> None:
     stored = SensorParameters(model=model, delay=delay).delay
     assert stored == float(delay)
     assert type(stored) is float
-
-
-# --- what is stored ---------------------------------------------------------------------------------------------------
 
 
 @given(arms())
@@ -237,9 +231,6 @@ def test_an_unknown_arm_is_refused_with_all_names() -> None:
             make("new")
     with refuses(TypeError, "arm = 3", *map(repr, PRESETS)):
         arm_parameters(3)  # type: ignore[arg-type]
-
-
-# --- the checks themselves --------------------------------------------------------------------------------------------
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))

@@ -1,7 +1,5 @@
 """The forms in which a policy may come, and how each is called."""
 
-from __future__ import annotations
-
 import inspect
 from types import SimpleNamespace
 from typing import Any

@@ -5,8 +5,6 @@ twice. The motion amplifies such differences, which stay below 1e-9 of the state
 random torques and over a lap under a policy. Observations are float32, whose rounding is far coarser.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What Python shows of public objects: a line that says what they are."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -1,7 +1,5 @@
 """A refusal shows the value that it refuses, however long it is, and whether or not it can be shown at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Way-points with times: what an environment's target does, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

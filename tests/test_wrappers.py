@@ -1,7 +1,5 @@
 """Past observations of batches: against lists of what each arm observed in its episode."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

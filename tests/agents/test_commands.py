@@ -1,7 +1,5 @@
 """The command `flexarm`: its verbs, how it ends, and what it needs."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -31,8 +29,6 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import ENDS
 from tests.support.shell import Shell
-
-# --- ends ---------------------------------------------------------------------------------------------------------
 
 
 def test_help_shows_every_verb_and_examples(flexarm: Shell) -> None:
@@ -98,9 +94,6 @@ def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.Monke
         flexarm_agents.FlexArmVecEnv  # noqa: B018
 
 
-# --- train --------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_without_arguments_a_training_is_the_tuned_one(algorithm: str) -> None:
     reader = training.parser(algorithm)
@@ -124,9 +117,6 @@ def test_old_verbs_are_their_algorithms(flexarm: Shell, verb: str, algorithm: st
     err = flexarm(verb, "--rounds", "0", status=2).stderr
     assert err.startswith(f"flexarm {verb} is now `flexarm train --algorithm {algorithm}`;")
     assert "flexarm train: error: rounds = 0: must be an integer >= 1" in err
-
-
-# --- list, show, warm-up ------------------------------------------------------------------------------------------
 
 
 def test_list_shows_ids_and_policies(flexarm: Shell) -> None:
@@ -182,9 +172,6 @@ def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, fle
     assert [ids for ids, _, _ in calls[2:]] == [[f"FlexArm/{name}"] for name, one in IDS.items() if not one.extra]
 
 
-# --- text ---------------------------------------------------------------------------------------------------------
-
-
 def test_columns_stand_in_line() -> None:
     rows = [("name", "m", "end"), ("a", "10.5", "complete"), ("longer", "1", "")]
     assert columns(rows) == "name    m     end\na       10.5  complete\nlonger  1"
@@ -209,9 +196,6 @@ def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:
     assert from_markdown(page, 20) == "length: unit metres\n    of the path\na:\n    b"
     numbers = table(("key", "what", "scale"), [("a longkey", "the length of the whole path", "2.5, 0.25, 0.25")])
     assert from_markdown(numbers, 30).startswith("key      what")
-
-
-# --- progress -------------------------------------------------------------------------------------------------------
 
 
 class Terminal(StringIO):

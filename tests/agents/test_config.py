@@ -1,7 +1,5 @@
 """Configurations of a training: what they refuse, how they survive a file, and the tuned ones in rl-zoo3's format."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import json
@@ -153,9 +151,6 @@ def test_a_spoilt_configuration(tmp_path: Path, text: str) -> None:
     (tmp_path / "config.json").write_text(text)
     with pytest.raises(ValueError, match=r"config.json: not a training's configuration"):
         RunFolder(tmp_path).read_config(PPOConfig)
-
-
-# --- the tuned settings, in rl-zoo3's format ------------------------------------------------------------------------
 
 
 FOLDER = Path(flexarm_agents.__file__).parent / "hyperparams"

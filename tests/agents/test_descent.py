@@ -1,7 +1,5 @@
 """First-order gradients: the chain rule through arm, sensor and network beside differences of real runs; trainings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +26,6 @@ ELSEWHERE = ("torque", "inner_gain", *OF_FURTHER_SENSORS)  # with other options
 OPEN_LOOP = ("time", "episode_parameters")  # on which an action has no influence
 OBSERVATION = [name for name in BLOCKS if name not in (*ELSEWHERE, *OPEN_LOOP)]
 OPTIONS: dict[str, Any] = {"observation": OBSERVATION, "last_actions": 3}
-
-
-# --- the chain ------------------------------------------------------------------------------------------------------
 
 
 class Chain:
@@ -172,9 +167,6 @@ def test_arms_that_fly_apart_are_left_out(tmp_path: Path, torque: float) -> None
     assert all(np.isfinite(weight).all() for weight in training.policy().weights)
 
 
-# --- costs and configuration ----------------------------------------------------------------------------------------
-
-
 def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
     squares = np.array([1e-6, 0.04, 25.0])
     cost, slope = error_cost(squares, 0.2)
@@ -191,9 +183,6 @@ def test_what_the_critic_alone_sees_comes_last() -> None:
         "joint_error", "sensor_error", "modal_coordinates", "modal_rates",
     ]  # fmt: skip
     assert FOPGConfig(options=late, critic_epochs=0).batch_options["observation"] == late["observation"]
-
-
-# --- the whole ------------------------------------------------------------------------------------------------------
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """`Film`, and the verbs `render` and `replay`: recorded runs as pictures."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from io import StringIO
@@ -33,9 +31,6 @@ def run() -> Trajectory:
     return replace(found, notes={SENSOR: 4.0, "ended": "truncated"})
 
 
-# --- which instants -----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("fps", "speed", "instants"),
     [(10, 1.0, [0, 10, 20, 30, 40, 50]), (10, 2.5, [0, 25, 50]), (4, 0.5, [0, 13, 25, 38, 50]), (1, 100.0, [0])],
@@ -56,9 +51,6 @@ def test_a_picture_shows_its_instant(run: Trajectory) -> None:
     bare = Film(replace(run, reference=None, sensed=None, gain=np.full(51, 2.0), notes={})).snapshot(0)
     assert np.isnan([*bare.reference, *bare.sensed, *bare.sensor]).all()
     assert (bare.gain, bare.gain_limit) == (2.0, 2.0)
-
-
-# --- files --------------------------------------------------------------------------------------------------------
 
 
 def test_a_png_shows_one_moment(run: Trajectory, tmp_path: Path) -> None:
@@ -99,9 +91,6 @@ def test_what_writes_files_is_named_with_its_extra(
     assert list(tmp_path.iterdir()) == []
 
 
-# --- bad input ----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -120,9 +109,6 @@ def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> No
     wild = {name: np.full_like(getattr(run, name), bad) for name, bad in (("state", np.inf), ("torque", np.nan))}
     Film(replace(run, **wild), size=PIXELS).write(tmp_path / "run.png")
     assert (tmp_path / "run.png").exists()
-
-
-# --- verbs --------------------------------------------------------------------------------------------------------
 
 
 def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, flexarm: Shell) -> None:
@@ -145,7 +131,7 @@ def test_render_runs_an_episode_that_replay_shows_again(
 ) -> None:
     bars: list[tqdm[Any]] = []
 
-    def bar(total: int, unit: str) -> tqdm[Any]:
+    def bar(total: int, unit: str) -> Any:
         bars.append(tqdm(total=total, file=StringIO()))
         return bars[-1]
 

@@ -1,7 +1,5 @@
 """Jobs: what is told and kept of those that failed, and what runs them (`tests.hardening` kills one)."""
 
-from __future__ import annotations
-
 import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -65,9 +63,6 @@ def test_an_error_of_ray_is_that_of_the_job() -> None:
     assert cause.__notes__ == [str(error)]
     lost = Exception("the node died")
     assert _own_error(lost) is lost
-
-
-# --- executors: whoever computes the cells, the files are the same --------------------------------------------------
 
 
 ROWS = [Entry("square", "agent")]

@@ -1,7 +1,5 @@
 """`LiveArm` and `Viewer`: knobs that are turned while the arm runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -32,9 +30,6 @@ def viewer(live: LiveArm, monkeypatch: pytest.MonkeyPatch) -> Iterator[Viewer]:
 
 def state(live: LiveArm) -> Any:
     return live._info["state"]
-
-
-# --- the arm ------------------------------------------------------------------------------------------------------
 
 
 def test_untouched_it_is_the_environment(live: LiveArm) -> None:
@@ -88,9 +83,6 @@ def test_bad_knobs_are_refused(live: LiveArm, changes: dict[str, float]) -> None
     with refuses(ValueError, f"{name} = "):
         live.turn(**changes)
     assert live.knobs == Knobs()
-
-
-# --- the window ---------------------------------------------------------------------------------------------------
 
 
 def post(viewer: Viewer, kind: str, **values: Any) -> None:

@@ -1,7 +1,5 @@
 """What the command `flexarm` refuses: at once, in a line, with a status that says whose fault it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

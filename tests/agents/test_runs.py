@@ -1,7 +1,5 @@
 """The contract of all trainings: what one leaves, that it resumes to the same bits, and what it refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

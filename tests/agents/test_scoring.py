@@ -1,7 +1,5 @@
 """Scores and spreads: an early end is a result of its own, never a better number."""
 
-from __future__ import annotations
-
 import math
 
 import gymnasium

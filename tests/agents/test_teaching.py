@@ -1,7 +1,5 @@
 """Teacher and student: the teacher's plans, rollouts, the student's network, the folder that a teaching leaves."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -35,9 +33,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def teacher(run: Path) -> Teacher:
     return Teacher.of(config_of(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
-
-
-# --- the teacher ----------------------------------------------------------------------------------------------------
 
 
 def test_on_its_plan_the_teacher_does_what_the_plan_does(teacher: Teacher) -> None:
@@ -97,9 +92,6 @@ def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> Non
         Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
 
 
-# --- rollouts and student --------------------------------------------------------------------------------------------
-
-
 def test_the_teacher_drives_less_and_less() -> None:
     config = DAggerConfig(rounds=8, teacher_share=0.2)
     np.testing.assert_allclose([teacher_share(config, n) for n in (0, 2, 4, 7)], [1.0, 0.6, 0.2, 0.2])
@@ -142,9 +134,6 @@ def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
         begun = ages[rows] == 0
         found, state = policy.predict(rollout.observations[rows], state, begun, deterministic=True)
         np.testing.assert_allclose(found, np.clip(expected[rows], -1.0, 1.0), atol=1e-5)
-
-
-# --- the whole ------------------------------------------------------------------------------------------------------
 
 
 def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Training: the folder that it leaves, resuming, the same bits from the same seed; warm starts and curricula."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import os
@@ -158,9 +156,6 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
     train(config, tmp_path / "run")
     last = load_policy(tmp_path / "run", last=True).policy
     assert mean_return(last) > 1.5 * mean_return(ConstantPolicy(2))
-
-
-# --- warm starts and curricula --------------------------------------------------------------------------------------
 
 
 INITIAL = TINIES["initial"]

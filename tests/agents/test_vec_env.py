@@ -1,7 +1,5 @@
 """The adapter for stable-baselines3: step by step what `DummyVecEnv` gives over single environments."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from typing import Any

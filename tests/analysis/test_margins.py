@@ -34,9 +34,6 @@ def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PA
     return law_loop(arm, CORNER, sensor)
 
 
-# --- the linear loop ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("position", [4.5, 0.5])
 @pytest.mark.parametrize("reference", [CORNER, SIDE])
 def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float]) -> None:
@@ -76,9 +73,6 @@ def test_every_corner_and_both_branches_have_the_same_margins() -> None:
         for branch in ("positive", "negative")
     ]
     np.testing.assert_allclose(margins, margins[0], rtol=1e-8)
-
-
-# --- margins --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("delayed", DELAYED)
@@ -267,9 +261,6 @@ def test_a_collocated_loop_is_stable_at_every_gain() -> None:
 def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
     case = loop(delay=0.0)
     np.testing.assert_allclose(delay_roots(case).values.real, np.sort(case.undelayed_poles().real)[::-1])
-
-
-# --- the simulation -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("delayed", "duration", "step"), [("position", 20.0, None), ("position+rate", 0.4, 2e-5)])

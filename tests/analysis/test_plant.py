@@ -270,9 +270,6 @@ def test_names_that_two_sensors_share_are_told_apart() -> None:
     )
 
 
-# --- other arms -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
 def test_at_rest_and_straight_the_foreshortened_arm_is_the_linear_one_and_spinning_it_is_not(mode_shapes: str) -> None:
     """Foreshortening is of second order in the deflections; in a spin the centrifugal field makes it a stiffness."""

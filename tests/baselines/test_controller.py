@@ -1,7 +1,5 @@
 """The base of torque controllers: what it reads of an environment, and what goes through `predict`."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import gymnasium

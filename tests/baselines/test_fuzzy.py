@@ -1,7 +1,5 @@
 """Mamdani inference worked by hand, and properties of the paper's system."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,8 +10,6 @@ from flexarm_baselines.paper_law.fuzzy_kernels import membership
 from tests.support.fuzzy_variables import PAPER, ROUNDING
 
 deltas = st.floats(-7.0, 7.0)  # past the ends of the universe
-
-# --- worked by hand -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -47,9 +43,6 @@ def test_a_vertical_edge_belongs_to_its_set() -> None:
     assert [membership(x, -1.0, 1.0, 1.0) for x in (-1.0, 0.0, 1.0, 1.001)] == [0.0, 0.5, 1.0, 0.0]
 
 
-# --- properties of the paper's system -----------------------------------------------------------------------
-
-
 @given(deltas, deltas, st.floats(0.51, 20.0))
 def test_the_gain_stays_between_the_outer_centroids(d1: float, d2: float, width_scale: float) -> None:
     low, high = PAPER_GAIN_RANGE
@@ -66,9 +59,6 @@ def test_width_scale_widens_the_input_sets() -> None:
     # From the right: area 7/8 * 1/16 + 7/8 * 7/32, moment about 1: 7/128 * 1/32 + 49/256 * (1/16 + 7/48).
     narrow = 1 - (7 / 128 / 32 + 49 / 256 * (10 / 48)) / (7 / 128 + 49 / 256)
     assert paper_system(0.8).evaluate([4.5, 5.0]) == pytest.approx(narrow, abs=ROUNDING)
-
-
-# --- shapes -------------------------------------------------------------------------------------------------
 
 
 def test_a_batch_has_the_bits_of_its_rows() -> None:

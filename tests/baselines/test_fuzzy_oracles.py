@@ -1,7 +1,5 @@
 """Mamdani inference against exact rational arithmetic."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """What fuzzy sets, variables, systems and inputs must not be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

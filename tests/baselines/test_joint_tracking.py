@@ -1,7 +1,5 @@
 """Shaped references, feed-forward of the bending arm, and filtered feedback of the joints."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -32,9 +30,6 @@ def move(duration: float) -> np.ndarray:
     return np.array([0.3, 1.2]) + share * np.array([0.6, -0.5])
 
 
-# --- feed-forward -----------------------------------------------------------------------------------------------------
-
-
 def test_the_bending_arms_tip_goes_where_the_rigid_ones_would() -> None:
     joints = move(2.0)
     motion, rigid = flexible_motion(ARM, joints, FINE), rigid_motion(ARM, joints, FINE)
@@ -57,9 +52,6 @@ def test_its_torques_move_the_tip_along_the_path() -> None:
         tips = [ARM.tip(states[:, : ARM.size]) for states in (run.states, wanted)]
         away.append(np.linalg.norm(tips[0] - tips[1], axis=1).max())
     assert away[0] < 0.2 * away[1]
-
-
-# --- the controller ---------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -154,9 +146,6 @@ def test_the_first_free_vibration() -> None:
     assert first_free_vibration(ARM) == pytest.approx(37.4, abs=0.1)
     stiff = FlexibleArm(replace(TASK.arm, flexural_rigidities=(4.0 * 1676.0,) * 2))
     assert first_free_vibration(stiff) == pytest.approx(2.0 * 37.44, abs=0.1)
-
-
-# --- laps -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lap", LAPS)

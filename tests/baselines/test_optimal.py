@@ -44,9 +44,6 @@ def gradient(case: TrackingProblem, torques: np.ndarray) -> np.ndarray:
     return found
 
 
-# --- the solver -------------------------------------------------------------------------------------------------------
-
-
 def test_it_finds_what_scipy_finds() -> None:
     case, solution = solved()
     bounds = [(-limit, limit) for _ in range(PERIODS) for limit in case.limits]
@@ -139,9 +136,6 @@ def test_no_iteration_returns_the_start_and_progress_is_called_for_each() -> Non
     assert len(seen) == 2
 
 
-# --- starts -----------------------------------------------------------------------------------------------------------
-
-
 def test_joint_angles_are_on_the_branches_in_their_time() -> None:
     lap = lap_problem(ARM, SquareParameters(lap_time=4.0))
     joints = joint_path(lap, [Branch(0.0, "positive"), Branch(1.0, "negative", 0.5)])
@@ -173,9 +167,6 @@ def test_a_lap_is_planned_from_the_better_start() -> None:
     assert found.notes["log"]["cost"][-1] <= 1.000001 * min(note["cost"] for note in found.notes["starts"])
     assert found.states.shape == (161, SIZE)
     assert found.states[0, 1] > 0.0
-
-
-# --- refusals ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

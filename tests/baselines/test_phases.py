@@ -1,7 +1,5 @@
 """Plans for laps on which the payload changes, and the controllers that follow them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

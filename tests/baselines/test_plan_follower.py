@@ -1,7 +1,5 @@
 """The privileged yardstick: the best plan known under feedback of the true state."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

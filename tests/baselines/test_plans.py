@@ -9,8 +9,6 @@ from flexarm_baselines.optimal import AGGRESSIVE, Plan, PlanRegulator, Regulator
 from flexarm_env import ArmParameters, FlexibleArm
 from tests.support.optimal import ARM, PERIODS, SIZE, START, plan, problem, solved
 
-# --- plans ------------------------------------------------------------------------------------------------------------
-
 
 def test_a_plan_replays_to_its_states_and_survives_a_file(tmp_path: Path) -> None:
     plan().save(tmp_path / "plan.npz")
@@ -31,9 +29,6 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     np.savez(path, head=np.array('{"format": 1}'), states=np.zeros((2, 8)))
     with pytest.raises(ValueError, match="not a saved Plan"):
         Plan.load(path)
-
-
-# --- feedback along a plan --------------------------------------------------------------------------------------------
 
 
 def test_the_gains_are_those_of_the_riccati_recursion() -> None:

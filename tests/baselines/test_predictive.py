@@ -1,7 +1,5 @@
 """Predictive control: an iteration beside the solver's, what lies beyond the horizon, and runs on a small arm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -63,9 +61,6 @@ def one(states: np.ndarray, torques: np.ndarray) -> Rollout:
 def improved(iteration: RealTimeIteration, prediction: Rollout, now: Instant) -> Rollout:
     """Return a better prediction of a single arm, without its leading axis."""
     return Rollout(*(part[0] for part in iteration.improve(prediction, now)))
-
-
-# --- an iteration -----------------------------------------------------------------------------------------------------
 
 
 def test_it_is_an_iteration_of_the_solver() -> None:
@@ -141,9 +136,6 @@ def test_a_preview_alone_gives_runs_on_both_sides() -> None:
         error = ARM.tip(found.states[:, :4]) - found.reference
         assert np.abs(error[-1]).max() < 0.1
         assert np.all(np.abs(found.torques) <= LIMITS)
-
-
-# --- the controllers --------------------------------------------------------------------------------------------------
 
 
 def controller(kind: Any = NMPC, **design: Any) -> Any:

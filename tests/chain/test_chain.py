@@ -1,7 +1,5 @@
 """The chain in MuJoCo: how it is set, how its links bend and are damped, and what gauges read."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

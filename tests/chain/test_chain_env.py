@@ -1,7 +1,5 @@
 """`FlexArm/SquareChain-v0`: the environment whose arm is a chain in MuJoCo."""
 
-from __future__ import annotations
-
 import copy
 import warnings
 from functools import partial
@@ -37,9 +35,6 @@ def actions_for(steps: int, *shape: int) -> NDArray[np.float32]:
 
 def played(env: Any, seed: int, steps: int = 12) -> list[Any]:
     return [env.reset(seed=seed), *(env.step(action) for action in actions_for(steps))]
-
-
-# --- as an environment ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("options", [{}, RANDOM], ids=["defaults", "random"])
@@ -129,9 +124,6 @@ def test_a_picture_shows_the_chain() -> None:
     first_link, second_link = env.unwrapped.simulator.plant.drawing().links
     assert len(first_link) == len(second_link) == SHORT["segments"] + 1
     np.testing.assert_allclose(first_link[-1], second_link[0])
-
-
-# --- what the plant tells ----------------------------------------------------------------------------------------
 
 
 def state_of(env: Any) -> NDArray[np.float64]:
@@ -266,9 +258,6 @@ def test_the_pages_chains_converge(kind: str) -> None:
     away = [row["away"]["rms"] for row in json.loads(chain_figures.FILE.read_text())[kind]]
     assert away == sorted(away, reverse=True)
     assert away[-2] < 5e-4
-
-
-# --- bad input ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

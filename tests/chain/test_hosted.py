@@ -1,7 +1,5 @@
 """What is around a hosted plant, seen on our own arm as one: the same as around the arm within the kernels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The IMU against MuJoCo: its accelerometer and gyro on the chain, and our arm's beside the chain's."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -1,7 +1,5 @@
 """What tests of the cache of kernels share: a folder of their own, and who else could write to a place."""
 
-from __future__ import annotations
-
 import logging
 import os
 from pathlib import Path

@@ -174,9 +174,6 @@ def test_where_no_folder_can_serve_nothing_is_kept(
     assert "FLEXARM_CACHE_DIR" in told
 
 
-# --- what is in it -----------------------------------------------------------------------------------------------
-
-
 def test_what_nobody_uses_is_removed_some_day(folder: Path) -> None:
     (folder / "__pycache__").mkdir(parents=True)
     stamp = "flexarm_torque_2_1_59cdc9bff2954fe4"

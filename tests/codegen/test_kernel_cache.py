@@ -25,8 +25,6 @@ from flexarm_env.envs.single import FlexArmEnv
 from tests.codegen.conftest import Trap, give_away, warnings_of, widen
 from tests.support.refusals import refuses
 
-# --- a kernel that compiles in no time ----------------------------------------------------------------------------
-
 NAME = "flexarm_tiny_1_1_0123456789abcdef"
 
 
@@ -50,9 +48,6 @@ def run(kernel: Any) -> bool:
 def files(folder: Path) -> list[Path]:
     """Compiled code in a folder."""
     return sorted(folder.glob("*.nbc"))
-
-
-# --- what is on disk ----------------------------------------------------------------------------------------------
 
 
 def test_what_one_process_compiles_the_next_one_loads_and_only_the_first_says_so(
@@ -180,9 +175,6 @@ def test_a_file_in_use_stays(folder: Path) -> None:
     os.utime(file, (0.0, time.time() - 89 * 86400.0))
     run(load())
     assert time.time() - file.stat().st_mtime < 3600.0
-
-
-# --- without a folder, room or a lock -----------------------------------------------------------------------------
 
 
 def test_without_a_folder_kernels_live_in_memory(

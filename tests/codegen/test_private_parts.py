@@ -1,7 +1,5 @@
 """What the compiler uses of numba and llvmlite that these do not promise: a release that lacks it fails here."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import inspect

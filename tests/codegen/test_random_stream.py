@@ -1,7 +1,5 @@
 """The counter-based random stream, the rigid inverse kinematics and elementary functions that the kernels compile."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -52,8 +50,6 @@ def compiled() -> SimpleNamespace:
 def consecutive(count: int, key: int = 12345, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return np.full(count, key, dtype=np.uint64), np.arange(first, first + count)
 
-
-# --- random numbers -----------------------------------------------------------------------------------------
 
 COUNT = 200_000
 
@@ -118,9 +114,6 @@ def test_neighbours_are_independent(compiled: SimpleNamespace, key_step: int, pl
     assert abs(np.corrcoef(here, there)[0, 1]) < 3.5 * COUNT**-0.5
 
 
-# --- inverse kinematics -------------------------------------------------------------------------------------
-
-
 def ring_of_points(count: int = 500) -> np.ndarray:
     rng = np.random.default_rng(0)
     radius, angle = rng.uniform(1.51, 7.49, count), rng.uniform(-np.pi, np.pi, count)
@@ -166,9 +159,6 @@ def test_joint_rates_stay_bounded_near_the_straight_arm(compiled: SimpleNamespac
         [4.5 * np.cos(t1) + 3.0 * np.cos(t1 + t2), 3.0 * np.cos(t1 + t2)],
     ]
     np.testing.assert_allclose(rates[-1], np.linalg.solve(jacobian, velocity[-1]), rtol=1e-12)
-
-
-# --- elementary functions -----------------------------------------------------------------------------------
 
 
 def coordinates() -> tuple[np.ndarray, np.ndarray]:

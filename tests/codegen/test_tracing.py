@@ -1,7 +1,5 @@
 """What the recorder notes: which sums it fuses with a product, and that they are the same sums."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

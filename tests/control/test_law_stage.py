@@ -1,7 +1,5 @@
 """One stage of the integrator under the law: it solves its equation, with limited torques too."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A display for windows that nobody sees."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

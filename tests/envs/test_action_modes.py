@@ -1,7 +1,5 @@
 """What an action does in each mode, against computations of the same motion by other means."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -28,9 +26,6 @@ def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Ar
         assert not terminated
         infos.append(info)
     return np.array([info["state"] for info in infos]), np.array([info["torque"] for info in infos[1:]])
-
-
-# --- torque -------------------------------------------------------------------------------------------------
 
 
 def test_torques_are_held() -> None:
@@ -87,8 +82,6 @@ def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode:
     np.testing.assert_array_equal(late[1], prompt[1])
 
 
-# --- its change ----------------------------------------------------------------------------------------------
-
 RATE: dict[str, Any] = {"action_mode": "torque_rate", "observation": [*DEFAULT_OBSERVATION, "torque"]}
 
 
@@ -114,9 +107,6 @@ def test_torque_rates_add_up(kernels: str) -> None:
         np.testing.assert_allclose(block(env, np.array(observations), "torque"), torques, rtol=1e-6)
         run = env.arm.simulate(states[0], np.repeat(torques[1:], 10, axis=0), 0.6)
         np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
-
-
-# --- the inner tracking law ---------------------------------------------------------------------------------
 
 
 def shifts_of(env: FlexArmEnv, actions: Array) -> list[tuple[Array, Array]]:
@@ -224,9 +214,6 @@ def test_the_same_law_held_over_a_period_is_unstable() -> None:
         assert not terminated
         assert np.abs(info["state"][6:8]).max() < 2e-3
     assert ended
-
-
-# --- the gain -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("uncompiled")

@@ -1,7 +1,5 @@
 """Whatever the options and actions: observations within their space, rewards within their range, no exception."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What Gymnasium and stable-baselines3 ask of every id, over a grid of all options."""
 
-from __future__ import annotations
-
 import copy
 import json
 import warnings

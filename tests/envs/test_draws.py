@@ -1,7 +1,5 @@
 """What episodes draw: distributions, the arm and sensors that follow, batches, states, and what is refused."""
 
-from __future__ import annotations
-
 import pickle
 from statistics import NormalDist
 from typing import Any

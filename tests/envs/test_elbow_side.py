@@ -1,7 +1,5 @@
 """The elbow's side in infos, metrics and observations."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rendering through the environments: pictures, videos, windows; no display is needed."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from pathlib import Path

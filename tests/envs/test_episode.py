@@ -1,7 +1,5 @@
 """The description of an episode, and registered limits shorter than a lap."""
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

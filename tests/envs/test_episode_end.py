@@ -1,7 +1,5 @@
 """Success, and the reasons and codes with which episodes end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Infos: flat, the same keys always, of one environment and of a batch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode

@@ -1,7 +1,5 @@
 """Libraries that lay out their memory by an environment's first info; `test_info.py` holds what they need of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

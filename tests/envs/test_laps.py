@@ -1,7 +1,5 @@
 """What a user meets beyond one default lap: many laps, moved sensors, slow and lossy clocks, ranges and options."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

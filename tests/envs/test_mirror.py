@@ -1,7 +1,5 @@
 """Mirror symmetry: a mirrored episode has mirrored observations and the same rewards, block by block, mode by mode."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

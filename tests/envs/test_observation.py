@@ -1,7 +1,5 @@
 """Every block of an observation against its definition, from the true states that infos hold."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,9 +64,6 @@ def rigid_angles(run: Run, path: ReferencePath, times: Array) -> Array:
 
 def within_half_a_turn(angle: Array) -> Array:
     return np.asarray(np.angle(np.exp(1j * angle)))
-
-
-# --- definitions --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("frame", ["link", "world"])
@@ -160,9 +155,6 @@ def test_paths_are_observed_alike() -> None:
     ahead = 6.3 * np.stack([np.cos(later), np.sin(later)], axis=1) - point
     horizon = env.settings.previews.index(0.6)
     np.testing.assert_allclose(run.block("previews")[:, 2 * horizon : 2 * horizon + 2], ahead, atol=4e-5)
-
-
-# --- the sensor on link 2 -----------------------------------------------------------------------------------
 
 
 def motion_of_the_point(
@@ -278,9 +270,6 @@ def test_sensors_that_see_the_joints_only(sensor: Any) -> None:
     np.testing.assert_allclose(run.sensed, expected, rtol=0.0, atol=1e-12)
 
 
-# --- a start on the move ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("place", [4.5, 2.0])
 @pytest.mark.parametrize("time", [1.0, 4.02, 8.5])
 def test_a_start_on_the_move_has_a_past(place: float, time: float) -> None:
@@ -314,9 +303,6 @@ def test_a_start_on_the_move_does_not_jump() -> None:
     jumps = np.abs(np.diff(rates, axis=0)).max(axis=1)
     assert jumps[:3].max() < 1e-3  # the readings are 30 ms old: these are of the past that was laid down
     assert jumps.max() < 0.2
-
-
-# --- noise --------------------------------------------------------------------------------------------------
 
 
 def test_noise_has_the_size_it_says() -> None:

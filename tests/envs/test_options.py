@@ -1,7 +1,5 @@
 """Options: what is taken and what refused, with messages that name what is wrong in few words."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 from typing import Any

@@ -1,7 +1,5 @@
 """Tasks of one's own: paths for each environment and episode, targets, rewards, ends, and options that last."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The paper's set-up, `FlexArm/Paper-v0`: the law's torque, what its sensor sees, how an episode ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Environments of a batch with options of their own; and elbow branch and direction drawn or requested."""
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

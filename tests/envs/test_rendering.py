@@ -60,9 +60,6 @@ def near(drawn: Picture, x: float, y: float) -> Picture:
     return drawn[round(drawn.shape[0] / 2 - scale * y), round(drawn.shape[0] / 2 + scale * x)]
 
 
-# --- the picture --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("size", [64, SIZE, 601])
 def test_a_picture_is_a_new_square_of_bytes(size: int) -> None:
     pytest.importorskip("pygame")
@@ -143,9 +140,6 @@ def test_a_full_gauge_saturates_and_its_number_does_not(renderer: Renderer) -> N
     assert different[1].min() > numbers
 
 
-# --- whatever an arm may do ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("bad", [NAN, INF, -INF, 1e308, -1e308])
 @pytest.mark.parametrize("name", ["links", "path", "trace", "reference", "sensor", "sensed", "torque"])
 def test_coordinates_may_be_anything(renderer: Renderer, name: str, bad: float) -> None:
@@ -190,9 +184,6 @@ def test_a_long_trace_is_thinned(pygame: Any, renderer: Renderer) -> None:
         with patch.object(pygame.draw, "polygon", wraps=pygame.draw.polygon) as polygon:
             picture(renderer, trace=np.linspace((-6.0, -6.0), (-6.0, 6.0), count))
         assert 250 < polygon.call_count < 1000
-
-
-# --- where it can be drawn ----------------------------------------------------------------------------------
 
 
 def test_needs_no_display_and_no_environment_variable(tmp_path: Path) -> None:

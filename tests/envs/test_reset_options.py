@@ -1,7 +1,5 @@
 """Options of a reset: what they do, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

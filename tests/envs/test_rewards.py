@@ -1,7 +1,5 @@
 """What is rewarded, what ends an episode, how one starts, and what is drawn for it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -15,9 +13,6 @@ from flexarm_env.parameters import CLAMPED_ONE_PERCENT
 from tests.support.envs import FREE, GAIN, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
 
 WEIGHTS = {"tracking_wide": 0.5, "tracking_middle": 2.0, "effort": 0.25, "vibration": 3.0, "action_change": 0.125}
-
-
-# --- reward -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
@@ -55,8 +50,6 @@ def test_terms_without_weight_are_not_told() -> None:
     assert terms_of(info) == {"vibration": 1.0}
     assert reward == 1.0
 
-
-# --- the end of an episode ----------------------------------------------------------------------------------
 
 STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "damping_ratio": 0.01}
 
@@ -128,9 +121,6 @@ def test_an_invalid_state_ends_an_episode_without_reward(env_id: str, options: d
     np.testing.assert_array_equal(env.step(quiet)[0], fresh.step(quiet)[0])
 
 
-# --- starts -------------------------------------------------------------------------------------------------
-
-
 def starts(count: int, **options: Any) -> tuple[FlexArmEnv, np.ndarray, np.ndarray]:
     """States and references of many episodes' starts."""
     env = bare(**options)
@@ -179,8 +169,6 @@ def test_the_mix_of_starts() -> None:
     _, states, _ = starts(600, start="mix")
     assert np.mean(~states[:, 2:].any(axis=1)) == pytest.approx(0.3, abs=0.06)
 
-
-# --- what is drawn for an episode ---------------------------------------------------------------------------
 
 RANGES = {
     "payload_mass": (0.1, 0.5),

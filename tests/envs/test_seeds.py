@@ -1,7 +1,5 @@
 """A seed's episode: the same in other processes, from copies, and whatever others do with random numbers."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import inspect

@@ -1,7 +1,5 @@
 """States: what is set to one goes on to the same bits, alone or among others; other states are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`FlexArmVectorEnv`: the single environment's bits, Gymnasium's rules of resets, memory."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tracemalloc

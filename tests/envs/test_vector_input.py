@@ -1,7 +1,5 @@
 """`FlexArmVectorEnv`: options of a reset, what is refused, also by a single environment, and what is handed out."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from typing import Any

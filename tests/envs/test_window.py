@@ -1,7 +1,5 @@
 """`Window`: keys that pause, step and close it."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Pulses of force at the tip, outages of the late sensor and drift of gauges, in plain Python."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Further sensors: their places in the delay line, what they read, and its past at a start."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The IMU in an environment, in plain Python: what it measures, and its noise, bias, range and delay."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

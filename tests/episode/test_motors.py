@@ -1,7 +1,5 @@
 """Motors that are not ideal, in plain Python: against the responses of a rigid joint, and conservation laws."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

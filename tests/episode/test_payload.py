@@ -1,7 +1,5 @@
 """Payloads that change within the lap, in plain Python: against arms that are made with the mass, and energies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Observations do not tell what an episode draws of its late sensors; time stamps do, in a block of their own."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 It is a sample, or a campaign with `pytest --hypothesis-profile=campaign`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Resets and steps of compiled environments, hostile ones among them: a twin that gets only the good ones agrees."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any, NamedTuple

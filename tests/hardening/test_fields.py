@@ -1,7 +1,5 @@
 """Fields of parameters, configurations, controllers, plans and policies: one to three of them allowed or garbage."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Damaged files: they are refused by their names, or what is read is what was written, to the last bit."""
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

@@ -5,8 +5,6 @@ wanted; the last run is left alone, and what it leaves is compared with the undi
 Half of the kills end the main process alone, whose workers must end by themselves.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """A long run of a batch with drawn arms, in two processes: memory stays flat, and the bits are the same."""
 
-from __future__ import annotations
-
 import hashlib
 import mmap
 from concurrent.futures import ProcessPoolExecutor

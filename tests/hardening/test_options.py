@@ -1,7 +1,5 @@
 """Any options at all: taken, and then the environment runs; or refused by name, soon, and with no warning."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import fields

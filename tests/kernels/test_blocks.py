@@ -1,7 +1,5 @@
 """What kernels take together or leave out: to the last bit what each lane alone, with everything, would work out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Declarations of rows and drivers, and how the compiler takes them."""
 
-from __future__ import annotations
-
 from math import tan
 
 import numpy as np

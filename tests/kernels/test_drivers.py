@@ -1,7 +1,5 @@
 """Drivers in plain Python against what is compiled, all of them together."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym

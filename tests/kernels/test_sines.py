@@ -1,7 +1,5 @@
 """Sine and cosine of the kernels: within two units in the last place, and compiled as they are written."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Saved memory of another layout is refused: batches, and copies of single environments."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from typing import Any

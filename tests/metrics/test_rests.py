@@ -1,7 +1,5 @@
 """Figures of rests and of bending moments, against constructed signals and the cantilever's closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """What a wheel and a source archive hold, and that the wheel works outside the repository."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import tarfile

@@ -24,9 +24,6 @@ def sources(*patterns: str) -> list[Path]:
     return sorted(found)
 
 
-# --- the import contract ------------------------------------------------------------------------------------
-
-
 def lint_imports(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     program = Path(sysconfig.get_path("scripts")) / "lint-imports"
     config = ROOT / "pyproject.toml"
@@ -74,9 +71,6 @@ def test_the_contracts_bite(tmp_path: Path) -> None:
     assert result.returncode == 1, result.stdout + result.stderr
     report = result.stdout.partition("Broken contracts")[2]
     assert [text for _, _, text in VIOLATIONS if text not in report] == [], report
-
-
-# --- names and weight ---------------------------------------------------------------------------------------
 
 
 def imported_names(tree: ast.AST) -> Iterator[str]:
@@ -136,8 +130,6 @@ def test_compiled_code_is_kept_in_one_way() -> None:
     packages = [path for path in sources("*.py") if path.relative_to(ROOT).parts[0] != "tests"]
     assert [str(path) for path in packages if cached.search(path.read_text(encoding="utf-8"))] == []
 
-
-# --- sizes --------------------------------------------------------------------------------------------------
 
 MOST_LINES, MOST_LINES_OF_A_FUNCTION = 350, 60
 

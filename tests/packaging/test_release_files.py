@@ -1,7 +1,5 @@
 """Workflows, forms and metadata: they can be read, name what exists, and agree with the package."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -44,9 +42,6 @@ def test_files_are_as_their_readers_demand(schema: str) -> None:
     assert done.returncode == 0, done.stdout
 
 
-# --- workflows ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("path", WORKFLOWS, ids=label)
 def test_workflows_are_limited(path: Path) -> None:
     """Each may only read by default, and each job ends."""
@@ -80,9 +75,6 @@ def test_only_the_approved_job_may_publish() -> None:
 def test_fields_of_a_form_have_names_of_their_own(path: Path) -> None:
     names = [field["id"] for field in read(path)["body"] if field["type"] != "markdown"]
     assert len(set(names)) == len(names)
-
-
-# --- agreement ------------------------------------------------------------------------------------------------------
 
 
 def test_citation_archive_and_package_agree() -> None:

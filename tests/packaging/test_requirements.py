@@ -1,7 +1,5 @@
 """pyproject.toml names every package, and lowest versions and the table of extras agree with it."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

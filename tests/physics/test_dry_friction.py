@@ -1,7 +1,5 @@
 """Dry friction of a rigid joint against closed forms, and of the flexible arm against its energy."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

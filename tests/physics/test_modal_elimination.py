@@ -1,7 +1,5 @@
 """The linear arm's system of equations, solved with its modal coordinates eliminated."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

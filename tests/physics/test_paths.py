@@ -1,7 +1,5 @@
 """The reference: the square as a pure function of time, what of it the arm can reach, and the pose it starts from."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -27,8 +25,6 @@ CLOCKWISE = list(CORNERS)
 PAPER = square(SquareParameters())
 # Positions are sums and products of two or three numbers of size 10: a few units in the last place.
 ROUNDING = 1e-14
-
-# --- the square ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("direction", get_args(Direction))
@@ -101,9 +97,6 @@ def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
     np.testing.assert_allclose(end, PAPER.position(time + step), atol=ROUNDING)
 
 
-# --- reach --------------------------------------------------------------------------------------------------
-
-
 def test_an_unreachable_corner_says_by_how_much() -> None:
     arm = ArmParameters.linear(link_lengths=(4.0, 4.0))
     miss = math.hypot(6.3, 6.3) - 8.0  # 0.9095 m
@@ -134,9 +127,6 @@ def test_reach_is_decided_at_its_edge() -> None:
     PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 + 1e-12), corner / 2)))
     with pytest.raises(ValueError, match="misses it"):
         PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 - 1e-12), corner / 2)))
-
-
-# --- inverse kinematics -------------------------------------------------------------------------------------
 
 
 @given(
@@ -173,9 +163,6 @@ def test_inverse_kinematics_refuses_what_is_out_of_reach() -> None:
             inverse_kinematics(arm, point, "positive")
 
 
-# --- tables -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("table", "message"),
     [
@@ -200,9 +187,6 @@ def test_a_path_keeps_its_own_table() -> None:
     table[:] = 0.0
     np.testing.assert_array_equal(path.position([0.5, 2.0]), [(1.5, 1.0), (1.5, 1.0)])
     np.testing.assert_array_equal(path.velocity([0.5, 2.0]), [(1.0, 0.0), (-0.5, 0.0)])
-
-
-# --- blended corners ------------------------------------------------------------------------------------------
 
 
 @given(st.floats(0.05, 1.0), st.floats(0.0, 1.0))

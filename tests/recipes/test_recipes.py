@@ -1,7 +1,5 @@
 """The recipes run as they stand on their pages; one of a library that is not installed is skipped, naming it."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -1,7 +1,5 @@
 """Gymnasium's wrappers and vectors step our environments; what they do with them is Gymnasium's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

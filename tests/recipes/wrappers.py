@@ -3,8 +3,6 @@
 `python -m tests.recipes.wrappers` writes the tables of the page from these rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

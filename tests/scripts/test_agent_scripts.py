@@ -1,7 +1,5 @@
 """Training and evaluation by the command line: train, stop, go on, evaluate."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal
@@ -31,9 +29,6 @@ ALONE = ("--no-baselines", "--no-shipped")
 OUTPUT = ("--output", "scores.json")
 
 TAUGHT_SINCE = {"student_unknown", "student_unknown_stamped"}  # since the shipped board was measured
-
-
-# --- training -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("signals")
@@ -73,9 +68,6 @@ def test_train_and_resume(flexarm: Shell) -> None:
     for line in lines:
         assert "ENDED at " in line
         assert re.search(r" -( +-){3} ", line)  # it has no errors
-
-
-# --- evaluation ---------------------------------------------------------------------------------------------------
 
 
 def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:

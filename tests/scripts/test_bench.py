@@ -1,7 +1,5 @@
 """The benchmark: it runs from end to end, and its peers do the work for which they are timed; no time is judged."""
 
-from __future__ import annotations
-
 import json
 import math
 from functools import partial
@@ -48,9 +46,6 @@ def test_one_group_is_measured_alone(tmp_path: Path) -> None:
     results = json.loads((tmp_path / "bench.json").read_text())
     assert set(results["groups"]) == {"closed_loop"}
     assert results["not_installed"] == []
-
-
-# --- peers ----------------------------------------------------------------------------------------------------------
 
 
 def test_chain_simulates_the_seconds_it_is_timed_for(monkeypatch: pytest.MonkeyPatch) -> None:

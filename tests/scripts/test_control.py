@@ -1,7 +1,5 @@
 """`python -m scripts.control`: what is run once is kept, and the pages have what a trial gives."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

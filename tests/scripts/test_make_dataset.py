@@ -1,7 +1,5 @@
 """Data sets for Minari: what is recorded, and what is refused; tests/recipes writes and loads one."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from typing import Any

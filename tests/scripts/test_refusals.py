@@ -1,7 +1,5 @@
 """What the studies refuse: at once, with nothing written, and old results left alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

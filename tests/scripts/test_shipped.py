@@ -1,7 +1,5 @@
 """`python -m scripts.shipped`: trainings taken over, the median of them, its files, the tables."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`python -m scripts.train --seeds --sweep`: every setting with every seed, reused where finished."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Files from strangers: whatever is wrong with one ends in a `ValueError` that names it, and nothing large is read."""
 
-from __future__ import annotations
-
 import copy
 import io
 import json

@@ -28,8 +28,6 @@ def states(arm: FlexibleArm, *shape: int) -> np.ndarray:
     return np.array([random_state(arm.parameters, seed) for seed in range(count)]).reshape(*shape, 2 * arm.size)
 
 
-# --- shapes -----------------------------------------------------------------------------------------------------------
-
 FUNCTIONS: dict[str, Callable[[FlexibleArm, np.ndarray], Any]] = {
     "mass_matrix": lambda arm, state: arm.mass_matrix(state[..., : arm.size]),
     "velocity_forces": lambda arm, state: arm.velocity_forces(*np.split(state, 2, axis=-1)),
@@ -90,9 +88,6 @@ def test_results_are_new_and_arguments_stay_as_they_were(arm: FlexibleArm) -> No
     np.testing.assert_array_equal(arm.acceleration(lists), arm.acceleration(state[0]))
 
 
-# --- kinematics -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("link", "s"), [(1, 0.0), (1, 1.9), (1, 4.5), (2, 0.0), (2, 1.1), (2, 3.7)])
 def test_velocity_and_jacobian_are_derivatives_of_position(arm: FlexibleArm, link: int, s: float) -> None:
     state = states(arm)
@@ -140,9 +135,6 @@ def test_internal_and_public_states_are_inverses(arm: FlexibleArm) -> None:
     np.testing.assert_allclose(arm.public_state(internal), batch, atol=1e-14 * np.abs(batch).max())
     for one, row in zip(arm.public_state(internal), internal, strict=True):
         np.testing.assert_array_equal(arm.public_state(row), one)  # the same bits alone and in a batch
-
-
-# --- simulate ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["none", "array", "function"])

@@ -1,7 +1,5 @@
 """The arm under its law against an independent solution (`oracle`), and what the integrator promises."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,7 +16,6 @@ from tests.support.refusals import label
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.compiled
 
-# --- the closed loop against the oracle ---------------------------------------------------------------------
 
 # Errors are relative to the range of each component over the run, the largest of all instants. The bounds of
 # coordinates and rates are about twice what was found, so that a loss of accuracy shows; all but the marked ones
@@ -114,9 +111,6 @@ LAPS: dict[str, tuple[list[int], list[SensorParameters], dict[str, Any], float]]
 def test_the_lap_agrees_with_the_oracle(name: str, modes: int, sensor: SensorParameters) -> None:
     *_, options, rates = LAPS[name]
     assert_accurate(Problem(arm_of(modes) if modes else PAPER, sensor, **options), 1e-3, rates)
-
-
-# --- what the integrator promises ---------------------------------------------------------------------------
 
 
 def test_the_commands_corner_acts_at_its_time_within_a_step() -> None:

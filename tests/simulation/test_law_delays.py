@@ -1,7 +1,5 @@
 """Delays of the closed loop in readings and command: from none on, through those shorter than a step."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

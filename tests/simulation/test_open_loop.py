@@ -25,9 +25,6 @@ def swing(time: float, state: np.ndarray) -> tuple[float, float]:
     return 40.0 * np.sin(9.0 * time) - 5.0 * state[size], 15.0 * np.cos(7.0 * time) - 2.0 * state[size + 1]
 
 
-# --- conserved quantities ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("modes", "substeps", "kinematics"),
     [(1, 4, "linear"), (2, 8, "linear"), (4, 32, "linear"), (2, 8, "foreshortened")],
@@ -80,9 +77,6 @@ def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, floa
     assert energy[-1] < 0.9 * energy[0]
 
 
-# --- the method; its order: tests/validation/test_orders.py ----------------------------------------------------------
-
-
 def observed_orders(errors: list[float]) -> np.ndarray:
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
@@ -104,9 +98,6 @@ def test_substeps_are_steps() -> None:
     inner = arm.simulate(start, None, 0.5, step=2e-3)
     # 0.01/5 and 0.002 are the same number, and so is every state
     np.testing.assert_array_equal(outer.state, inner.state[::5])
-
-
-# --- the rigid arm as a limit -----------------------------------------------------------------------------------------
 
 
 def test_stiff_links_move_like_the_rigid_arm() -> None:

@@ -1,7 +1,5 @@
 """The oracle of the closed loop itself: its arm, its convergence, another solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

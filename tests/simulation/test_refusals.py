@@ -1,7 +1,5 @@
 """What `FlexibleArm` refuses: one table of all its methods (what counts as an array or number: test_parameters)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

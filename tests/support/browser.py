@@ -1,7 +1,5 @@
 """A headless Chromium that looks at pages of the site; it is found, with its driver, by its name."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager

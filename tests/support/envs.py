@@ -1,7 +1,5 @@
 """The environments as the tests ask for them: every id, options that together use every one, comparisons."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Fuzzy variables as the tests write them, and the paper's system."""
 
-from __future__ import annotations
-
 from flexarm_baselines import FuzzyVariable, TriangularSet, paper_system
 
 PAPER = paper_system()

@@ -147,8 +147,6 @@ class Lagrangian:
         parts = (q[2 : 2 + self.m], q[2 + self.m :])
         return 0.5 * sum(part @ tensor(k) @ part for part, k in zip(parts, self.stiffness, strict=True))
 
-    # --- the same, on numpy arrays -----------------------------------------------------------------------------------
-
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         at, zero = tensor(q), torch.zeros(len(q), dtype=torch.float64)
         return jacrev(grad(self.kinetic, argnums=1), argnums=1)(at, zero).numpy()
@@ -183,9 +181,6 @@ class Lagrangian:
         torque = np.concatenate([tau, np.zeros(2 * self.m)])
         right = torque - self.velocity_forces(q, v) - self.passive_forces(q, v)
         return np.linalg.solve(self.mass_matrix(q), right)
-
-
-# --- random arms and states -------------------------------------------------------------------------------------------
 
 
 DRY: dict[str, Any] = {

@@ -1,7 +1,5 @@
 """A small arm, a short way there and back, a plan along it, and a plant whose tip's readings are late."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The paper's law in the environments' simulator, driven by gains and noise that a test chooses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

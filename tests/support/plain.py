@@ -5,8 +5,6 @@ compiled (`is_shared`). All others of environments run in plain Python, unless a
 `run_plainly` exchanges kernels below whatever uses them; `PlainEnvironment` is a batch of one without Gymnasium.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple

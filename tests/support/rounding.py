@@ -1,7 +1,5 @@
 """A product and a sum that are rounded once, as recorded kernels round them."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 

@@ -1,7 +1,5 @@
 """The command `flexarm`, run in this process."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

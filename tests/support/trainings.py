@@ -1,7 +1,5 @@
 """Trainings so small that they take a second, and rows of evaluations, for the tests of agents."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
