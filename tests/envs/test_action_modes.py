@@ -70,12 +70,14 @@ def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("env_id", "mode"), [(SQUARE, "torque"), (SQUARE, "torque_rate"), (RESIDUAL, "residual"), (RESIDUAL, "reference")]
+    ("env_id", "mode"),
+    [(SQUARE, "torque"), (SQUARE, "torque_rate"), (RESIDUAL, "residual"), (RESIDUAL, "reference"), (GAIN, "gain")],
 )
 @pytest.mark.usefixtures("uncompiled")
 def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:
-    actions = exact_actions(30, size=0.3)
-    shifted = np.vstack([np.zeros((2, 2)), actions[:-2]])
+    """Before the first has arrived there is no torque, and no gain, whose action is -1."""
+    actions = exact_actions(30, size=0.3)[:, : 1 if mode == "gain" else 2]
+    shifted = np.vstack([np.full_like(actions[:2], -1.0 if mode == "gain" else 0.0), actions[:-2]])
     late = recorded(bare(env_id, action_mode=mode, actuation_delay=0.02, start="corner", **FREE), actions)
     prompt = recorded(bare(env_id, action_mode=mode, start="corner", **FREE), shifted)
     np.testing.assert_array_equal(late[0], prompt[0])
@@ -217,11 +219,12 @@ def test_the_same_law_held_over_a_period_is_unstable() -> None:
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_the_law_on_the_joints_is_that_on_a_collocated_sensor() -> None:
-    """To the last bit, with a gain that changes."""
+@pytest.mark.parametrize("sensor", ["rigid", "true"])
+def test_the_law_on_the_joints_is_that_on_a_collocated_sensor(sensor: str) -> None:
+    """To the last bit, with a gain that changes, wherever the sensor is."""
     on_joints, on_sensor = (
         bare(GAIN, arm="linear", start="corner", gain_limit=2.0, **o)
-        for o in ({"sensor": "rigid"}, {"sensor": "collocated", "feedback_source": "sensor"})
+        for o in ({"sensor": sensor, "sensor_position": 0.5}, {"sensor": "collocated", "feedback_source": "sensor"})
     )
     on_joints.reset(), on_sensor.reset()
     for k in range(4):
@@ -230,15 +233,3 @@ def test_the_law_on_the_joints_is_that_on_a_collocated_sensor() -> None:
         assert info["gain"] == other["gain"] == action[0] + 1.0
         np.testing.assert_array_equal(info["state"], other["state"])
         np.testing.assert_array_equal(info["torque"], other["torque"])
-
-
-@pytest.mark.usefixtures("uncompiled")
-def test_a_late_gain() -> None:
-    """None before the first has arrived."""
-    late, prompt = (bare(GAIN, actuation_delay=delay, start="corner") for delay in (0.03, 0.0))
-    for k in range(30):
-        action = np.array([k % 7 / 3.0 - 1.0])
-        shifted = np.array([(k - 3) % 7 / 3.0 - 1.0 if k >= 3 else -1.0])
-        info, other = late.step(action)[4], prompt.step(shifted)[4]
-        np.testing.assert_array_equal(info["state"], other["state"])
-        assert info["gain"] == other["gain"]

@@ -147,6 +147,9 @@ def test_keys_of_infos(env_id: str) -> None:
     env = make(env_id, start="corner", max_episode_steps=400, **free, **path)
     begun = env.reset(seed=0)[1]
     assert tuple(begun) == info_keys(env.unwrapped.settings)
+    for value in begun.values():
+        assert value.dtype == np.float64  # TorchRL asks each for it
+        assert isinstance(value, np.float64 if value.ndim == 0 else np.ndarray)
     for _ in range(400):
         action = -np.ones(env.action_space.shape, np.float32)
         _, reward, terminated, _, info = env.step(action)

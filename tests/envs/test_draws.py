@@ -11,6 +11,8 @@ from flexarm_baselines.task import Task
 from flexarm_env.envs.distributions import checked_distribution, quantiles
 from flexarm_env.envs.options import DRAWABLE, Options
 from flexarm_env.envs.settings import Settings
+from flexarm_env.kernels.entries import DRAWN
+from flexarm_env.parameters import CLAMPED_ONE_PERCENT
 from flexarm_env.simulation.step_error import TOLERANCE, expected_error
 from tests.support.envs import (
     RESIDUAL,
@@ -55,6 +57,7 @@ MOTORS: dict[str, Any] = {
 }
 PATH: dict[str, Any] = {"side": (10.0, 12.6), "lap_time": ("choice", [8.0, 16.0])}
 EITHER: dict[str, Any] = {"reference": ("square", "circle"), "direction": "either"}
+OF_KERNELS: dict[str, Any] = {"delay": (0.02, 0.06), "noise": (0.01, 0.02), "actuation_delay": (0.0, 0.03)}
 SMALL = [(5.0, 5.0), (5.0, 5.02), (5.02, 5.02), (5.02, 5.0)]
 ALL = ARM | SENSORS | TORQUES | PATH | {"payload_mass": ("log_uniform", 0.05, 1.0), "noise": ("choice", [0.0, 0.01])}
 STEP = {"physics_step": 1e-3}
@@ -84,13 +87,19 @@ def test_each_number_has_its_own_share_of_an_episode() -> None:
     than 0.056 with a probability of 2 exp(-2 n 0.056^2) = 1.4e-11. A correlation of independent numbers has a standard
     deviation of 1/64, and is above six of them with a probability of 2e-9.
     """
-    batch = vector(SQUARE, 4096, randomisation=dict.fromkeys(("delay", "dropout", "jitter"), (0.0, 1.0)))
+    ranges = {"stiffness": (0.8, 1.3), "damping": (0.0, 0.05), "payload_mass": (0.1, 0.5), **OF_KERNELS}
+    ranges = {name: ranges[name] for name in DRAWN} | {"jitter": (0.0, 1.0), "dropout": (0.5, 1.0)}
+    batch = vector(SQUARE, 4096, randomisation=ranges)
     everyone, requests = np.arange(4096), batch.simulator.usual_requests.copy()
     batch._seed(0, np.ones(4096, dtype=bool))
     found = batch.simulator.draws.completed(requests, batch._keys.take(everyone), everyone)
-    shares = np.column_stack([found[:, batch.simulator.draws._plans[0].columns], everyone / 4096.0])
+    low, high = np.array(list(ranges.values())).T
+    shares = (found[:, batch.simulator.draws._plans[0].columns] - low) / (high - low)
     assert np.abs(np.sort(shares, axis=0) - everyone[:, None] / 4096.0).max() < 0.056
-    assert np.abs(np.corrcoef(shares.T) - np.eye(4)).max() < 6.0 / 64.0
+    shares = np.column_stack([shares, everyone / 4096.0])
+    assert np.abs(np.corrcoef(shares.T) - np.eye(len(ranges) + 1)).max() < 6.0 / 64.0
+    usual = {"delay": 9.0 / 288.33, "payload_mass": 0.0, "stiffness": 1.0, "damping": CLAMPED_ONE_PERCENT}
+    assert bare().episode.parameters == usual | {"noise": 0.0, "actuation_delay": 0.0}
 
 
 def test_a_batch_draws_as_single_environments() -> None:
@@ -117,6 +126,7 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
     [
         (SQUARE, ARM, {"elbow_branch": "either"}),
         (SQUARE, SENSORS, {"noise": 0.01, "observation": WITHOUT_ERRORS}),
+        (SQUARE, OF_KERNELS, {"observation": WITHOUT_ERRORS}),
         (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
         (SQUARE, PATH, EITHER | {"observation": ("previews", "lap_phase", "sensor_error", "reference_velocity")}),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from flexarm_agents import load_policy
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
 
 SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
@@ -35,17 +34,6 @@ def test_laps_follow_each_other(lap: str) -> None:
     laps = np.sqrt(np.mean(np.square(errors).reshape(5, 1600), axis=1))
     assert info["state"][0] < -8.0 * np.pi
     np.testing.assert_allclose(laps[2:], laps[1], rtol=0.2)
-
-
-def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
-    tips = []
-    for position in (0.5, 4.5):
-        env = gymnasium.make(GAIN, sensor_position=position)
-        env.reset(seed=0, options={"start": "corner"})
-        for _ in range(50):
-            info = env.step(np.ones(1, np.float32))[4]
-        tips.append(info["true_tip"])
-    np.testing.assert_array_equal(*tips)
 
 
 @pytest.mark.parametrize("lap", LAPS)
@@ -97,17 +85,3 @@ def test_a_strong_drawn_damping_is_stepped_finely_enough(env_id: str) -> None:
     env.reset(seed=0, options={"start": "corner"})
     for _ in range(20):
         assert not env.step(np.zeros(env.action_space.shape, np.float32))[2]
-
-
-def test_what_an_episode_drew_is_told() -> None:
-    env = gymnasium.make("flexarm_env:FlexArm/Track-v0", reference=("circle", "line"), start="mix")
-    inner = env.unwrapped
-    assert isinstance(inner, FlexArmEnv)
-    seen = set()
-    for k in range(40):
-        env.reset(seed=k)
-        seen.add((inner.episode.path, inner.episode.start_time > 0.0))
-    assert {name for name, _ in seen} == {"circle", "line"}
-    assert {later for _, later in seen} == {True, False}
-    env.reset(options={"path": "line", "start": "moving", "time": 3.0})
-    assert (inner.episode.path, inner.episode.start_time) == ("line", pytest.approx(3.0))

@@ -20,6 +20,7 @@ def test_an_episode_starts_when_it_is_told_to() -> None:
         np.testing.assert_allclose(info["reference"], path.position(time), atol=1e-12)
         np.testing.assert_allclose(info["true_tip"], path.position(time), atol=1e-12)
         assert info["time"] == 0.0
+        assert env.episode.start_time == pytest.approx(time)
 
 
 def test_an_episode_starts_how_and_where_it_is_told_to() -> None:
