@@ -10,24 +10,33 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_seeds import NOISY, digest, noisy
 from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, in_fresh_process, vector
-from tests.support.refusals import refuses
+from tests.support.refusals import label, refuses
 
 REACH = "FlexArm/Reach-v0"
 
 
+ONE_MODE = {"modes_per_link": 1}
+DRAWN = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}
+CHANGES = ((0.03 / 16, None), (0.14 / 16, 0.0))  # one before the state, one after it
+CASES: list[tuple[str, dict[str, Any]]] = [(name, noisy(name)) for name in (SQUARE, RESIDUAL, PAPER, REACH)]
+CASES.append((SQUARE, {"arm": ONE_MODE, "motor_time_constant": (0.013, 0.004)}))
+CASES.append((SQUARE, {"arm": ONE_MODE, "randomisation": DRAWN, "payload_changes": CHANGES, "start": "corner"}))
+
+
 def run(env: FlexArmEnv, steps: int) -> list[Any]:
-    """Step, with a reset in the middle, and return all that is seen."""
+    """Step, with a reset in the place of the eighth step, and return all that is seen."""
     seen: list[Any] = []
     for k in range(steps):
         action = np.full(env.action_space.shape or (), 0.4 * (k % 3 - 1.0), np.float32)
-        seen.append(env.reset() if k == steps // 2 else env.step(action))
+        seen.append(env.reset() if k == 8 else env.step(action))
     return seen
 
 
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER, REACH])
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=label)
 @pytest.mark.usefixtures("uncompiled")
-def test_an_environment_goes_back_to_a_state(env_id: str) -> None:
-    env = bare(env_id, **noisy(env_id))
+def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any]) -> None:
+    """And another one goes on from it, though its own episode has drawn another arm."""
+    env, other = bare(env_id, **options), bare(env_id, 4, **options)
     env.reset(seed=3)
     digest(env, 12)
     state = env.get_state()
@@ -37,6 +46,10 @@ def test_an_environment_goes_back_to_a_state(env_id: str) -> None:
     np.testing.assert_equal(run(env, 16), expected)
     env.set_state(state)
     np.testing.assert_equal((env.simulator.single_observation, env._infos.read()), (observation, info))
+    np.testing.assert_equal(other.set_state(state), (observation, info))
+    np.testing.assert_equal(run(other, 8), expected[:8])  # until it begins an episode of its own
+    if "payload_changes" in options:
+        assert {step[-1]["payload"] == 0.0 for step in expected[:8]} == {True, False}
 
 
 def test_another_environment_goes_on_in_its_place() -> None:

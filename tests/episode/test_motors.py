@@ -116,18 +116,6 @@ def test_the_default_step_suits_motors() -> None:
     assert np.median(np.linalg.norm(tips[0] - tips[1], axis=1)) < 2e-4
 
 
-@pytest.mark.usefixtures("uncompiled")
-def test_states_carry_the_current_loops() -> None:
-    env = bare(arm={"modes_per_link": 1}, motor_time_constant=LAG)
-    env.reset(seed=1)
-    env.step(np.array([1.0, -1.0], np.float32))
-    state = env.get_state()
-    after = env.step(np.zeros(2, np.float32))
-    assert np.abs(after[4]["torque"]).min() > 1.0
-    env.set_state(state)
-    np.testing.assert_equal(env.step(np.zeros(2, np.float32)), after)
-
-
 def test_a_linear_plant_behind_motors_has_their_response() -> None:
     """G(s) diag(1 / (1 + s T)); the elbow's motor is ideal."""
     plant = linear_plant(OperatingPoint.at_angles(FlexibleArm(), (0.1, 1.0)), tip(delay=0.03))

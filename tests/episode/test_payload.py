@@ -15,7 +15,6 @@ from flexarm_env.episode.payload import carried_payload, change_payloads
 from flexarm_env.kernels.entries import clock_row, column
 from flexarm_env.kernels.variants import block_at
 from flexarm_env.simulation.arm import FlexibleArm
-from tests.support.envs import SQUARE, bare, same_as_alone
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
@@ -125,30 +124,6 @@ def test_success_is_to_be_there_when_the_payload_changes() -> None:
         far.step((0.0, 0.0))
     assert far.result("SUCCESS") == [0.0]
     assert far.row("MISSED") == [1.0]
-
-
-def test_a_state_holds_the_payload_and_what_it_changes() -> None:
-    """Another environment goes on from it, though its own episode has drawn another arm."""
-    drawn = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}
-    options = FAST | {"arm": ARMS[0], "randomisation": drawn}
-    options["payload_changes"] = ((0.03 / 16, None), (0.05 / 16, 0.0))
-    env, other = bare(**options), bare(**options)
-    env.reset(seed=3)
-    other.reset(seed=4)
-    for action in ACTIONS[:4]:
-        env.step(np.float32(action))
-    other.set_state(env.get_state())
-    for action in ACTIONS[4:]:
-        np.testing.assert_equal(other.step(np.float32(action)), env.step(np.float32(action)))
-    assert env.step(np.float32(action))[4]["payload"] == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["torque", "residual"])
-def test_a_batch_has_the_same_bits_as_each_alone(mode: str) -> None:
-    options: dict[str, Any] = FAST | {"payload_changes": ((0.03 / 16, None), (0.06 / 16, 0.1)), "action_mode": mode}
-    options |= {"arm": ARMS[1], "randomisation": {"payload_mass": (0.2, 1.5)}}
-    same_as_alone(SQUARE, 3, options, 40, infos_too=("payload", "state"))
 
 
 def test_what_does_not_fit_is_refused() -> None:

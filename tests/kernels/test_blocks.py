@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flexarm_env.envs.batch import block_lanes
-from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import (
     CASES,
@@ -44,6 +43,8 @@ ALIKE_OF_OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (GAIN, {"lap_time": 8.0}),
 ]
 FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
+CARRYING: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1}, "start": "corner"}
+CARRYING |= {"randomisation": {"payload_mass": (0.2, 1.5)}, "payload_changes": ((0.03 / 16, None), (0.06 / 16, 0.1))}
 OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
     (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
@@ -51,6 +52,7 @@ OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
     (SQUARE, {"action_mode": "torque_rate"}),
     (SQUARE, {"action_mode": "torque_rate", "actuation_delay": 0.0137}),
+    *((env_id, CARRYING) for env_id in (SQUARE, RESIDUAL)),
 ]
 
 
@@ -70,8 +72,8 @@ def test_lanes_that_are_alike_of_other_kernels(kernels: str, env_id: str, option
 @pytest.mark.parametrize(("env_id", "options"), OTHER_KERNELS, ids=str)
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_lanes_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
-    infos = [sensor.info for sensor in FURTHER] if "imu_link" in options else []
-    same_as_alone(env_id, 3, options, 3 if kernels == "plain" else 60, infos_too=infos)
+    steps = 7 if "payload_changes" in options else 3  # both changes
+    same_as_alone(env_id, 3, options, steps if kernels == "plain" else 60)
 
 
 # Each program, and each width of a block, is a kernel of its own.

@@ -276,7 +276,6 @@ def same_as_alone(
     *,
     per_env: dict[str, list[Any]] | None = None,
     chosen: Sequence[int] | None = None,
-    infos_too: Sequence[str] = (),
 ) -> None:
     """Compare a batch with single environments of the same options, all or those chosen, to the last bit.
 
@@ -300,8 +299,8 @@ def same_as_alone(
                 expected[i], reward, over, cut, info = env.step(actions[i])
                 assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
                 ended |= {i} if over or cut else set()
-            for name in ("sensed", "state", "reference", "torque", *infos_too):
-                assert_same(infos[name][i], info[name], name)
+            for name, value in info.items():
+                assert_same(infos[name][i], value, name)
             assert batch.episode.one(i) == env.unwrapped.episode  # type: ignore[attr-defined]
 
 
