@@ -15,6 +15,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from flexarm_agents import FlexArmVecEnv
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.support.envs import assert_same
 
 ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
@@ -39,24 +40,6 @@ def env() -> Iterator[FlexArmVecEnv]:
 
 def actions(rng: np.random.Generator) -> np.ndarray:
     return np.clip(rng.normal(size=(COUNT, 2)), -1.0, 1.0).astype(np.float32)
-
-
-def assert_same(ours: Any, theirs: Any) -> None:
-    """Equal to the last bit and of the same types, whatever it is."""
-    assert type(ours) is type(theirs)
-    if isinstance(ours, dict):
-        assert set(ours) == set(theirs)
-        for name in ours:
-            assert_same(ours[name], theirs[name])
-    elif isinstance(ours, list | tuple):
-        assert len(ours) == len(theirs)
-        for one, another in zip(ours, theirs, strict=True):
-            assert_same(one, another)
-    elif isinstance(ours, np.ndarray):
-        assert ours.dtype == theirs.dtype
-        np.testing.assert_array_equal(ours, theirs)
-    else:
-        assert ours == theirs
 
 
 # Kernels with noise that no other test compiles.

@@ -13,7 +13,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
 from tests.support.envs import GAIN, IDS, RESIDUAL, SQUARE, assert_same, bare, make, same_as_alone, vector
 from tests.support.plain import KERNELS
-from tests.support.refusals import refuses
+from tests.support.refusals import label, refuses
 
 # What each environment has for itself, in two sets of kernels that the blocks' tests compile, too.
 ARMS = [
@@ -87,49 +87,48 @@ GAIN_LANES: dict[str, list[Any]] = {
 }
 
 
-def compare_with_singles(env_id: str, lanes: dict[str, list[Any]], steps: int, **options: Any) -> None:
-    """Compare a full block and one with lanes of no environment with single environments."""
-    same_as_alone(env_id, 9, options, steps, per_env=lanes)
+FURTHER = {"second_sensor_link": 1, "imu_link": 2, "observation": ["second_sensor_error", "accelerometer", "gyro"]}
+# Options that all have, those of each, steps in plain Python.
+TABLES: list[tuple[dict[str, Any], dict[str, list[Any]], int]] = [
+    ({}, SENSOR_LANES, 10),
+    (FURTHER, FURTHER_LANES, 10),
+    ({"physics_step": 5e-4}, MOTOR_LANES, 5),
+    ({}, DISTURBED_LANES, 5),
+    ({"feedback_source": "sensor"}, GAIN_LANES, 10),
+]
 
 
 def test_each_environment_is_the_single_one_with_its_options() -> None:
-    compare_with_singles(SQUARE, TORQUE_LANES, 60)
+    """A full block and one with lanes of no environment."""
+    same_as_alone(SQUARE, 9, {}, 60, per_env=TORQUE_LANES)
 
 
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: next(iter(table[1])))
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_each_environment_has_its_sensor(kernels: str) -> None:
-    compare_with_singles(SQUARE, SENSOR_LANES, 10 if kernels == "plain" else 60)
-
-
-def test_each_environment_has_its_further_sensors() -> None:
-    observed = ["second_sensor_error", "accelerometer", "gyro"]
-    compare_with_singles(SQUARE, FURTHER_LANES, 10, second_sensor_link=1, imu_link=2, observation=observed)
-
-
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_each_environment_has_its_motors_and_friction(kernels: str) -> None:
-    compare_with_singles(SQUARE, MOTOR_LANES, 5 if kernels == "plain" else 60, physics_step=5e-4)
-    for mixed in ({"torque_resolution": [(0.0, 0.0), (0.1, 0.1)]}, {"arm": ["default", MOTOR_LANES["arm"][0]]}):
-        with refuses(ValueError, "environment 1", "or none"):
-            vector(SQUARE, 2, per_env=mixed, physics_step=5e-4)
-
-
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_each_environment_has_its_disturbances(kernels: str) -> None:
-    compare_with_singles(SQUARE, DISTURBED_LANES, 5 if kernels == "plain" else 60)
-    for mixed in ({"pulse_force": [(0.0, 0.0), (1.0, 0.0)]}, {"gauge_drift": [(0.0, 0.0), (1.0, 0.0)]}):
-        with refuses(ValueError, "environment 1", "or none"):
-            vector(SQUARE, 2, per_env=mixed)
-
-
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
-    compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, feedback_source="sensor")
+def test_each_environment_is_so_on_other_kernels(kernels: str, table: Any) -> None:
+    options, lanes, steps = table
+    env_id, steps = GAIN if "gain_limit" in lanes else SQUARE, steps if kernels == "plain" else 60
+    same_as_alone(env_id, 9, options, steps, per_env=lanes)
 
 
 def test_the_tests_have_every_option() -> None:
-    tables = (TORQUE_LANES, SENSOR_LANES, FURTHER_LANES, GAIN_LANES, MOTOR_LANES, DISTURBED_LANES)
+    tables = (TORQUE_LANES, *(lanes for _, lanes, _ in TABLES))
     assert {name for table in tables for name in table} | {"inner_stiffness", "inner_damping"} == set(OPTIONS)
+
+
+@pytest.mark.parametrize(
+    "mixed",
+    [
+        {"torque_resolution": [(0.0, 0.0), (0.1, 0.1)]},
+        {"arm": ["default", MOTOR_LANES["arm"][0]]},
+        {"pulse_force": [(0.0, 0.0), (1.0, 0.0)]},
+        {"gauge_drift": [(0.0, 0.0), (1.0, 0.0)]},
+    ],
+    ids=label,
+)
+def test_what_kernels_leave_out_all_have_or_none(mixed: dict[str, Any]) -> None:
+    with refuses(ValueError, "environment 1", "or none"):
+        vector(SQUARE, 2, per_env=mixed, physics_step=5e-4)
 
 
 def test_gains_of_the_joint_space_law() -> None:

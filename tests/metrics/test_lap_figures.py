@@ -17,6 +17,7 @@ from flexarm_env.metrics import (
     elbow_changes,
     lap_figures,
 )
+from tests.support.boards import leaves
 
 ARM = FlexibleArm(ArmParameters.paper())
 PERIOD = 0.01
@@ -148,18 +149,10 @@ def test_figures_while_runs_go_on_are_those_of_the_whole(seed: int, cuts: set[in
 
 
 def compare(found: object, expected: object) -> None:
-    if isinstance(expected, dict):
-        assert isinstance(found, dict)
-        assert found.keys() == expected.keys()
-        for name in expected:
-            compare(found[name], expected[name])
-    elif isinstance(expected, tuple):
-        for one, other in zip(found, expected, strict=True):
-            compare(one, other)
-    elif expected is None:
-        assert found is None
-    else:
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    one, other = dict(leaves(found)), dict(leaves(expected))
+    assert one.keys() == other.keys()
+    for place, value in other.items():
+        assert one[place] == (None if value is None else pytest.approx(value, rel=1e-9, abs=1e-12)), place
 
 
 @settings(max_examples=20)

@@ -25,7 +25,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
     """Yield what is in nested mappings and lists, with its place."""
-    if isinstance(value, dict | list):
+    if isinstance(value, dict | list | tuple):
         for key, part in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(part, f"{place}/{key}")
     else:
