@@ -1,7 +1,5 @@
 """A chain in MuJoCo (`flexarm_env.chain`) and a model of ours, moved and read in the same way."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import mujoco

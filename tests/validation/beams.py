@@ -9,8 +9,6 @@ Symbols: v, theta displacement across the beam and slope at an end; b = lambda L
 Nothing here comes from the package but the arm's parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -61,9 +59,6 @@ def links(parameters: ArmParameters) -> tuple[Beam, Beam]:
     return one, two
 
 
-# --- one beam, closed equations -------------------------------------------------------------------------------
-
-
 def clamped_free(beam: Beam, count: int) -> Array:
     """Roots of ``cos b cosh b = -1`` as frequencies [rad/s]. Shape (count,)."""
     return _roots(beam, lambda b: np.cos(b) + 1.0 / np.cosh(b), [(i * np.pi, (i + 1) * np.pi) for i in range(count)])
@@ -89,9 +84,6 @@ def clamped_free_shapes(count: int, x: Array) -> tuple[Array, Array]:
     shape = np.exp(-u) + rest * np.sinh(u) - np.cos(u) + k * np.sin(u)
     slope = b * (-np.exp(-u) + rest * np.cosh(u) + np.sin(u) + k * np.cos(u))
     return shape, slope
-
-
-# --- beams joined: dynamic stiffness --------------------------------------------------------------------------
 
 
 def dynamic_stiffness(beam: Beam, omega: float) -> Array:

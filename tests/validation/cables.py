@@ -9,8 +9,6 @@ Motors turn the end tangents of the cables. Generalised-alpha integrates, implic
 matter; nothing is damped but what is faster than the steps (`SPECTRAL_RADIUS`).
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any

@@ -5,8 +5,6 @@ and that joints are locked are linear conditions; the motions that they allow ar
 path from parameters to frequencies shares nothing with the package's equations nor with `tests.validation.beams`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The environment of a policy around any arm, so that the package's own drivers make what the policy sees."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

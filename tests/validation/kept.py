@@ -3,8 +3,6 @@
 A result holds for the sources, plans, policies and libraries that it was made with; others are deleted.
 """
 
-from __future__ import annotations
-
 import hashlib
 import pickle
 import platform

@@ -5,8 +5,6 @@ part of its bending which the model's own shapes can express (`flexarm_env.chain
 plan see it through the drivers of their own environment.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import count

@@ -1,7 +1,5 @@
 """The paper's laws with their late sensor on undamped arms: a chain in MuJoCo (`flexarm_env.chain.law`), our models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import gymnasium

@@ -3,8 +3,6 @@
 python -m tests.validation.recorded        # runs MuJoCo and Exudyn anew and writes the file
 """
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The package's arm in small motion about rest: its frequencies, by shapes and joints that are locked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

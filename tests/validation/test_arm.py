@@ -1,7 +1,5 @@
 """The two-link arm: exact equation, finite elements, and the package with 1 to 4 shapes a link."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -92,9 +90,6 @@ def largest(basis: str, joints: str, load: str | None = None) -> Array:
     return np.array([np.max([case.errors(basis, m)[:2] for case in own], axis=0) for m in MODES])
 
 
-# --- exact equation and finite elements -------------------------------------------------------------------------------
-
-
 @cache
 def mesh_errors() -> dict[str, Array]:
     """Relative error of the bare arm's fourth frequency at 90 degrees, by mesh: rounding reaches it last."""
@@ -104,9 +99,6 @@ def mesh_errors() -> dict[str, Array]:
         meshes = [fe.frame(BARE, RIGHT, joints, n).frequencies(COUNT, joints.free)[-1] for n in MESHES]
         found[name] = np.array(meshes) / expected - 1.0
     return found
-
-
-# --- more clamped-free shapes than the package has --------------------------------------------------------------------
 
 
 @cache
@@ -137,8 +129,6 @@ def rate_check(name: str, joints: Joints) -> Check:
     )
 
 
-# --- published frequencies --------------------------------------------------------------------------------------------
-
 # De Luca & Siciliano 1991 [Hz]: link 1 clamped, link 2 rigid at a right angle; link 2 clamped with the payload.
 PUBLISHED = {2: (0.48, 1.80), 6: (2.18, 15.91)}  # by the place of the link's first shape among four a link
 
@@ -149,8 +139,6 @@ def published_difference() -> float:
     found = {k: frequencies(arm, RIGHT, range(k, k + 4), 0)[:2] / (2.0 * np.pi) for k in PUBLISHED}
     return max(float(np.abs(found[k] - PUBLISHED[k]).max()) for k in PUBLISHED)
 
-
-# --- the checks -------------------------------------------------------------------------------------------------------
 
 test_checks = checked(
     Check(
@@ -209,9 +197,6 @@ test_checks = checked(
     ),
     *(rate_check(name, joints) for name, joints in JOINTS.items()),
 )
-
-
-# --- tables and pictures ----------------------------------------------------------------------------------------------
 
 
 def test_tables(page: Page) -> None:

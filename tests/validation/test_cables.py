@@ -1,7 +1,5 @@
 """The second independent engine by itself: do Exudyn's cables converge, and do they give what was recorded of them?"""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import matplotlib.pyplot as plt

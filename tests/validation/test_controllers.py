@@ -1,7 +1,5 @@
 """Further controllers on the chain and on the models, and what the start of a lap consists of."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import gymnasium
@@ -50,9 +48,6 @@ CHATTERS = "student"  # the controller of which scores are also taken on chains 
 CHAIN_STEPS = (5e-4, 1e-4, 2e-5)  # [s], the first one the environment's own
 
 
-# --- the start of a lap -----------------------------------------------------------------------------------------------
-
-
 @cache
 def torques(lap: str) -> Array:
     """Return the first torques of a lap on the chain under gentle feedback [N m]."""
@@ -88,9 +83,6 @@ def test_table_of_starts(page: Page) -> None:
             page.quote({f"{lap}, start, {plant}, share {share:g}, rms": mm for plant, mm in found.items()})
             page.quote({f"{lap}, start, share {share:g}, bend": 1e3 * bend})
     page.table("plant_start", ["lap", "share of the torques", "largest deflection [m]", *plants], rows)
-
-
-# --- whole laps -------------------------------------------------------------------------------------------------------
 
 
 test_checks = checked(

@@ -4,8 +4,6 @@ The paper's arm (`velocity_forces="rigid"`) keeps the rigid arm's velocity force
 rest and get the same doublet of torque at the shoulder. Errors are taken until the doublet ends; what follows is drawn.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ energy in every step h, so ``omega^6 h^5 / 72`` a second: the arm's fastest freq
 momentum is the sum of two of the momenta that are integrated. No inner force changes that sum: it is kept to rounding.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
@@ -178,9 +176,6 @@ test_checks = checked(
     momentum_check("undamped arms, any step", *UNDAMPED),
     *map(order_check, ("1 mode", "foreshortened, 2 modes", "foreshortened, 2 polynomials", "foreshortened, 3 modes")),
 )
-
-
-# --- table and pictures -----------------------------------------------------------------------------------------------
 
 
 def test_table(page: Page) -> None:

@@ -1,7 +1,5 @@
 """Single links: clamped-free and pinned-free, bare and loaded, against the exact beam equation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -5,8 +5,6 @@ torques, a torque that is a function, the environments' joint-space law, and the
 (method of steps: the past is read from the solution already found, never from within the step at hand).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -124,9 +122,6 @@ def test_picture(page: Page) -> None:
     page.picture(figure, "orders")
 
 
-# --- solutions to compare with ----------------------------------------------------------------------------------------
-
-
 def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> Array:
     """Solve a smooth problem; return states at the times `ends`, the first being the start. Shape (n, states)."""
     found = solve_ivp(slope, (ends[0], ends[-1]), start, "DOP853", ends, rtol=1e-11, atol=1e-13)
@@ -136,9 +131,6 @@ def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> 
 def worst(found: Array, expected: Array) -> float:
     """Largest error of any entry of the state over its range."""
     return float((np.abs(found - expected).max(axis=0) / np.ptp(expected, axis=0)).max())
-
-
-# --- the torque-driven arm ------------------------------------------------------------------------------------
 
 
 def bent(arm: FlexibleArm) -> Array:
@@ -179,8 +171,6 @@ def function_torque(steps: Array) -> list[float]:
     runs = [arm.simulate(bent(arm), torque, TIME, PERIOD, round(PERIOD / h)) for h in steps]
     return [worst(run.state, expected) for run in runs]
 
-
-# --- the joint-space law of the environments ------------------------------------------------------------------
 
 ACTION = np.array([2.0**-6, -(2.0**-7)])  # held; the same in float32
 LIMIT = (1000.0, 1000.0)  # [N m]; not reached, for it would be a kink within a step
@@ -247,9 +237,6 @@ def jacobian(arm: FlexibleArm, theta: Array) -> Array:
     one, both = theta[0], theta[0] + theta[1]
     second = length2 * np.array([-np.sin(both), np.cos(both)])
     return np.column_stack([length1 * np.array([-np.sin(one), np.cos(one)]) + second, second])
-
-
-# --- the paper's law ------------------------------------------------------------------------------------------
 
 
 def paper_law(steps: Array, gain: float, delay: float) -> list[float]:

@@ -1,7 +1,5 @@
 """The default arm on the chain: laps under agents, along the best plans and under the paper's laws; damping."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -51,9 +49,6 @@ CONTROLLERS = (*AGENTS, GENTLY, AGGRESSIVELY)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}
 DAMPED_ELEMENTS = (5, 10, 20)
-
-
-# --- along the best plans ---------------------------------------------------------------------------------------------
 
 
 test_checks = checked(
@@ -134,9 +129,6 @@ def test_picture(page: Page) -> None:
     page.picture(over_time(lines, title), "plant_distance")
 
 
-# --- the paper's laws -------------------------------------------------------------------------------------------------
-
-
 @cache
 def under_the_laws() -> dict[str, dict[str, Away]]:
     """Run the paper's laws on undamped arms; the distance is from the extrapolated chain."""
@@ -149,9 +141,6 @@ def test_figures_under_the_laws(page: Page) -> None:
     for name, found in under_the_laws().items():
         page.quote({f"{law}, {name}, rms": one.rms for law, one in found.items()})
         page.quote({f"{law}, {name}, maximum": one.maximum for law, one in found.items()})
-
-
-# --- damping ----------------------------------------------------------------------------------------------------------
 
 
 @kept

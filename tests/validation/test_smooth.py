@@ -1,7 +1,5 @@
 """Plans with smoother and smoother torques on the chain and on the models: how near the default arm is to the chain."""
 
-from __future__ import annotations
-
 import matplotlib.pyplot as plt
 import pytest
 

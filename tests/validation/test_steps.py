@@ -4,8 +4,6 @@ Torques are drawn uniformly within the limits, held for 50 ms and the same for e
 environments choose the fewest steps whose expected error (`flexarm_env.simulation.step_error`) is 0.1 mm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import cache, partial

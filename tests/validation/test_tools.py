@@ -1,7 +1,5 @@
 """What the checks measure with, where no threshold of theirs would show a mistake."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

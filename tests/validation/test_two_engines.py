@@ -4,8 +4,6 @@ MuJoCo's chain of rigid segments (extrapolated) and Exudyn's cables share no met
 apart is what either can be trusted with; a model's distance from both is its own.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,5 @@
 """Pictures of the comparison with MuJoCo's chain: convergence, errors over time, validity."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import matplotlib.pyplot as plt

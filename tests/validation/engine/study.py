@@ -5,8 +5,6 @@ first order, 8 e(a / 8), comes from the shapes' small number (modal truncation);
 small-deflection assumption (and what it does to the truncated shapes).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
@@ -153,9 +151,6 @@ def crossing(curve: Sequence[tuple[float, float]], tolerance: float) -> float | 
 def tried(kind: str) -> float:
     """Return how far links were bent in a kind of programme: in that of its programmes which bent them least."""
     return min(max(case(name, a).reference.bend for a in AMPLITUDES) for name in KINDS[kind])
-
-
-# --- spin -------------------------------------------------------------------------------------------------------------
 
 
 def kick(time: Array) -> Array:

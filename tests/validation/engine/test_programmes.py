@@ -1,7 +1,5 @@
 """The arm's models against a chain of rigid segments in MuJoCo, an engine that nobody here wrote."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 
@@ -44,9 +42,6 @@ LINEAR, BEST = Model("linear", 4), Model("foreshortened", 3)
 SLOW = 0.1 * FIRST_CLAMPED  # up to there the linear model keeps 10 mm where links bend by 5 % [rad/s]
 
 
-# --- the chain --------------------------------------------------------------------------------------------------------
-
-
 def _chain(factor: float) -> Motion:
     return chain_motion(DOUBLET, FINEST[0], factor * CHAIN_ANGLE)
 
@@ -58,9 +53,6 @@ def _model(factor: float) -> Motion:
 def halved(motion: Callable[[float], Motion]) -> Callable[[], float]:
     """Return what finds how far the tip moves with the step halved [mm]."""
     return lambda: 1e3 * apart(motion(1.0).tip, motion(0.5).tip).max()
-
-
-# --- the models -------------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -118,8 +110,6 @@ test_checks = checked(
     ),
 )
 
-
-# --- tables and pictures ----------------------------------------------------------------------------------------------
 
 HEADER = [name.replace("_", " ") for name in NAMES]
 

@@ -4,8 +4,6 @@ The same law drives each of them, so that a model's error shows as it does in us
 `tests.validation.test_plant` compares the damped default arm.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import matplotlib.pyplot as plt
