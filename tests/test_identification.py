@@ -37,7 +37,6 @@ def clean() -> Recording:
 
 
 def noisy(clean: Recording, seed: int) -> Recording:
-    """Return readings with white noise of `SCALE`."""
     rng = np.random.default_rng(seed)
     return replace(clean, **{n: getattr(clean, n) + SCALE[n] * rng.normal(size=TORQUE.shape) for n in CHANNELS})
 

@@ -21,8 +21,6 @@ STILL = FlexibleArm(ArmParameters.linear()).simulate(np.zeros(12), None, duratio
 
 
 class Unshowable:
-    """Has no repr."""
-
     def __repr__(self) -> str:
         raise RuntimeError("no repr")
 

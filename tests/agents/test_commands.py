@@ -199,8 +199,6 @@ def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:
 
 
 class Terminal(StringIO):
-    """Stands for a terminal."""
-
     def isatty(self) -> bool:
         return True
 

@@ -77,7 +77,6 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def evaluations(folder: Path) -> Any:
-    """Return all rows without their times."""
     rows = json.loads((folder / "evaluations.json").read_text())
     assert all(row.pop("seconds") for row in rows)
     return rows

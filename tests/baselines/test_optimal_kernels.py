@@ -33,7 +33,6 @@ class Linear(kernels.Model):
         )
 
     def cost(self, changes: np.ndarray) -> Any:
-        """Return the model's cost of changed torques."""
         x, total = np.zeros(SIZE), 0.0
         torques = self.torques.copy()
         torques[1:] += changes

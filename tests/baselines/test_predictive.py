@@ -54,7 +54,6 @@ def at(period: int, states: np.ndarray, torques: np.ndarray) -> Instant:
 
 
 def one(states: np.ndarray, torques: np.ndarray) -> Rollout:
-    """Return a prediction of a single arm."""
     return Rollout(states[None], torques[None])
 
 

@@ -46,7 +46,6 @@ def run(kernel: Any) -> bool:
 
 
 def files(folder: Path) -> list[Path]:
-    """Compiled code in a folder."""
     return sorted(folder.glob("*.nbc"))
 
 

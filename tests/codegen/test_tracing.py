@@ -14,13 +14,11 @@ Formula = Callable[[Any, Any, Any], list[Any]]
 
 
 def recorded(formula: Formula, fusing: bool = True) -> Recording:
-    """Record a formula of a, b and c."""
     trace = Trace()
     return trace.recording("abc", formula(*map(trace.number, "abc")), fusing=fusing)
 
 
 def arithmetic(recording: Recording) -> list[str]:
-    """Names of the operations on what is read."""
     return [operation.name for operation in recording.operations if operation.operands]
 
 

@@ -23,7 +23,6 @@ def formula(a: Any, b: Any, h: Any) -> list[Any]:
 
 
 def record(variant: Variant) -> Recorder:
-    """Record the formula on two rows."""
     r = Recorder(variant, inlining=True)
     r.store("results", formula(*r.rows_of("rows", 2), r.trace.number("h")))
     return r
@@ -35,7 +34,6 @@ def kernel(rows: LaneRows, results: LaneRows, h: float) -> None:
 
 
 def run(rows: LaneRows, results: LaneRows, h: float) -> None:
-    """Call it as a driver does."""
     kernel(lane_rows(rows, variant.lanes), lane_rows(results, variant.lanes), h)
 
 

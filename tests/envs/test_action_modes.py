@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 
 
 def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Array]:
-    """States, one more than actions, and torques."""
     infos = [env.reset(seed=1, options=options)[1]]
     for action in actions:
         _, _, terminated, _, info = env.step(action)

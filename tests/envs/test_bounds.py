@@ -93,7 +93,6 @@ def with_effect(options: dict[str, Any]) -> dict[str, Any]:
 
 @st.composite
 def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
-    """Draw any valid set of options."""
     mode = draw(st.sampled_from(["torque", "residual", "reference", "gain", "paper"]))
     period = draw(st.sampled_from([1e-3, 0.01, 0.0137, 0.05]))
     options: dict[str, Any] = {

@@ -103,7 +103,6 @@ def test_each_number_has_its_own_share_of_an_episode() -> None:
 
 
 def test_a_batch_draws_as_single_environments() -> None:
-    """Also where its environments have their own ranges."""
     ranges = [ALL, ALL | {"elbow_mass": (0.0, 0.1)}, ALL]
     same_as_alone(SQUARE, 3, {"arm": "default", **STEP, **EITHER}, 60, per_env={"randomisation": ranges})
 

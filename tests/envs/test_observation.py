@@ -57,7 +57,6 @@ def in_frame(run: Run, vectors: Array) -> Array:
 
 
 def rigid_angles(run: Run, path: ReferencePath, times: Array) -> Array:
-    """Joint angles of the rigid arm on the reference."""
     branch = run.env.episode.elbow_branch
     return np.array([inverse_kinematics(run.env.arm.parameters, point, branch) for point in path.position(times)])
 

@@ -19,7 +19,6 @@ def paper(**options: Any) -> FlexArmEnv:
 
 
 def recorded(env: FlexArmEnv) -> tuple[Array, list[dict[str, Any]]]:
-    """Observations and infos of an episode with random actions."""
     observation, info = env.reset(seed=2)
     observations, infos = [observation], [info]
     for action in np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32):

@@ -48,7 +48,6 @@ def renderer() -> Iterator[Renderer]:
 
 
 def picture(renderer: Renderer, **changes: Any) -> Picture:
-    """Draw the scene with some of its fields changed."""
     drawn = renderer.draw(SCENE._replace(**changes))
     assert drawn is not None
     return drawn

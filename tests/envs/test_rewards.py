@@ -122,7 +122,6 @@ def test_an_invalid_state_ends_an_episode_without_reward(env_id: str, options: d
 
 
 def starts(count: int, **options: Any) -> tuple[FlexArmEnv, np.ndarray, np.ndarray]:
-    """States and references of many episodes' starts."""
     env = bare(**options)
     infos = [env.reset()[1] for _ in range(count)]
     return env, np.array([i["state"] for i in infos]), np.array([i["reference"] for i in infos])

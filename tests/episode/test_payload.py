@@ -26,7 +26,6 @@ ACTIONS = [(0.9, -0.4), (0.7, 0.8), (-0.3, 0.5), (0.4, -0.9), (0.2, 0.6), (-0.8,
 
 
 def arm_with(arm: dict[str, Any], mass: float) -> FlexibleArm:
-    """Return the arm, made with another payload."""
     return FlexibleArm(replace(Settings.of({"arm": arm}).flexible_arm.parameters, payload_mass=mass))
 
 

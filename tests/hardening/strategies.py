@@ -41,8 +41,6 @@ def cases(sample: int, campaign: int) -> settings:
 
 
 class Contrary:
-    """Refuses to be shown or converted."""
-
     def __repr__(self) -> str:
         raise RuntimeError("no repr")
 
@@ -95,13 +93,11 @@ def inside(allowed: Any) -> st.SearchStrategy[Any]:
 
 
 def declared_arms(*left_out: str) -> st.SearchStrategy[dict[str, Any]]:
-    """Draw fields of `ArmParameters`, except some."""
     every = {one.name: inside(one.metadata["allowed"]) for one in fields(ArmParameters) if one.name not in left_out}
     return st.fixed_dictionaries({}, optional=every)
 
 
 def ranges() -> st.SearchStrategy[dict[str, Any]]:
-    """Draw ranges of quantities, for `randomisation`."""
     two = st.tuples(numbers(1e-6, 10.0), numbers(1e-6, 10.0)).map(sorted)
     return st.dictionaries(st.sampled_from(sorted(DRAWN)), two, max_size=3)
 

@@ -26,8 +26,6 @@ NAMED = ("action", "options", "Seed", "seed")
 
 
 class Call(NamedTuple):
-    """A call of an environment."""
-
     seed: Any = None  # of a reset
     options: Any = None  # of a reset
     action: Any = None  # of a step; None: the call is a reset

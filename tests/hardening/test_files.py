@@ -123,8 +123,6 @@ def good_content(kind: str) -> bytes:
 
 
 class Damage(NamedTuple):
-    """What happens to a file."""
-
     kind: str  # name of the kind
     # bytes that are changed: their places as shares of the length, and what is exclusive-ored
     flips: Sequence[tuple[float, int]] = ()
@@ -160,7 +158,6 @@ def damaged(content: bytes, damage: Damage) -> bytes:
 
 
 def _replaced(content: bytes, number: int, value: Any) -> bytes:
-    """Replace a value somewhere in JSON."""
     whole = json.loads(content)
     places: list[tuple[Any, Any]] = []
     waiting = [whole]
@@ -184,7 +181,6 @@ def _good(kind: str) -> Any:
 
 @cache
 def _temporary() -> tempfile.TemporaryDirectory[str]:
-    """Make a folder that goes with this process."""
     return tempfile.TemporaryDirectory(prefix="damaged-files-")
 
 

@@ -44,8 +44,6 @@ print(digest.hexdigest())
 
 
 class Task(NamedTuple):
-    """What is killed."""
-
     command: Callable[[Path], list[str]]  # makes the arguments of Python for a folder, begun or not
     check: Callable[[Path], int]  # checks that a folder holds nothing half, and returns how much it holds
     # returns what is compared in the end, from a folder and what the command printed

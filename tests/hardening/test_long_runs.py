@@ -22,8 +22,6 @@ FLAT = 5.0  # growth that counts as none [MB]
 
 
 class Run(NamedTuple):
-    """What came of a run."""
-
     episodes: int  # that ended
     digest: str  # of observations and rewards along the way and at the end
     grown: float  # memory at the end less that after a while [MB]

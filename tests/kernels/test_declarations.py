@@ -29,14 +29,12 @@ def test_what_the_law_needs_has_rows() -> None:
 
 
 def driver_of_the_aim(memory: LaneRows) -> None:
-    """Move the aim of the joint-space law."""
     arena = lane_rows(memory, variant.lanes)
     for i in range(variant.lanes):
         arena[row.SHIFT, i] = 1.0
 
 
 def guarded_driver_of_the_aim(memory: LaneRows) -> None:
-    """Move it where there is one."""
     if variant.tracking:
         driver_of_the_aim(memory)
 
@@ -52,7 +50,6 @@ def test_a_row_that_a_program_lacks_is_an_error_unless_nothing_reads_it() -> Non
 
 
 def driver_with_a_library_function(x: float) -> float:
-    """Call a function that rounds as it likes."""
     return tan(x)
 
 

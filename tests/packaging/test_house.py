@@ -126,7 +126,6 @@ def length(function: ast.FunctionDef) -> int:
 
 
 def test_functions_stay_small() -> None:
-    """Tests and studies too."""
     functions = {
         f"{path.relative_to(ROOT)}: {node.name}": length(node)
         for path in sources("*.py")

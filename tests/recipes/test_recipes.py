@@ -33,14 +33,11 @@ WITHOUT_SNIPPETS = ("README", "wrappers")
 
 
 class Fence(NamedTuple):
-    """A snippet of a page."""
-
     language: str  # "python" or "console"
     text: str  # what stands in it
 
 
 def fences(page: str) -> list[Fence]:
-    """Return the snippets of a recipe, in their order."""
     return [Fence(*found) for found in FENCE.findall((FOLDER / f"{page}.md").read_text(encoding="utf-8"))]
 
 

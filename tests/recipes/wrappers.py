@@ -19,8 +19,6 @@ PICTURES = {"render_mode": "rgb_array"}
 
 
 class Row(NamedTuple):
-    """A wrapper."""
-
     name: str
     result: str  # what is seen of it, for the page
     wrap: Callable[[Any], Any] | None = None  # puts it around an environment, or a batch; None: it needs no arguments
@@ -28,7 +26,6 @@ class Row(NamedTuple):
 
     @property
     def slow(self) -> bool:
-        """Whether pictures are drawn."""
         return "render_mode" in self.options
 
 
@@ -213,7 +210,6 @@ For batches Gymnasium has no frame stack, history or delay: `flexarm_env.wrapper
 
 
 def page() -> str:
-    """Write the page."""
     return f"{HEAD}{tables()}"
 
 

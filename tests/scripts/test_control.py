@@ -45,7 +45,6 @@ DONE: list[int] = []
 
 
 def counted(value: int) -> dict[str, int]:
-    """Note that it was run."""
     DONE.append(value)
     return {"square": value**2}
 

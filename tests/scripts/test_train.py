@@ -20,8 +20,6 @@ from tests.support.trainings import TINY, same_policy
 
 
 class InProcess:
-    """Runs jobs in this process, the last one first."""
-
     def __init__(self, *given: Any) -> None:
         """Take what `executor` takes."""
 

@@ -106,7 +106,6 @@ HARM: list[tuple[str, Callable[[Path], Path], str]] = [
 
 
 def configured(path: Path, **changes: Any) -> Path:
-    """Write a policy's file whose configuration differs."""
     return policy_file(path, {"notes": {"config": CONFIG | changes}})
 
 

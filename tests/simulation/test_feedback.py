@@ -27,7 +27,6 @@ FEEDBACK_OPTIONS: dict[str, Any] = {
 
 
 def by_steps(state: np.ndarray, **quantities: float) -> tuple[np.ndarray, np.ndarray]:
-    """One arm, period by period."""
     states, torques, limits = [state], [np.array(FEEDBACK_OPTIONS["torque_before"])], FEEDBACK_OPTIONS["limits"]
     for t in range(PERIODS):
         wanted = TORQUES[t] + FEEDBACK_OPTIONS["gains"][t] @ (states[-1] - FEEDBACK_OPTIONS["references"][t])

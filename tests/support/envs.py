@@ -98,17 +98,14 @@ _SENSING: list[dict[str, Any]] = [
 
 
 def drawn_corners(rng: np.random.Generator) -> Array:
-    """Way-points of the path of an episode."""
     return np.array(WAYPOINTS) + rng.uniform(-0.5, 0.5, 2)
 
 
 def terms_together(infos: dict[str, Any]) -> Array:
-    """Return the reward that is their sum."""
     return np.asarray(sum(terms_of(infos).values()))
 
 
 def is_bent(infos: dict[str, Any]) -> NDArray[np.bool_]:
-    """Return whether episodes end."""
     return np.asarray(np.abs(infos["state"][:, 2]) > 0.05)
 
 
@@ -216,7 +213,6 @@ CASE_NAMES = [f"{env_id[8:]}-{'-'.join(options) or 'defaults'}"[:80] for env_id,
 
 
 def terms_of(info: dict[str, Any]) -> dict[str, float]:
-    """Weighted terms of the reward, by name."""
     return {name.removeprefix(TERM): value for name, value in info.items() if name.startswith(TERM)}
 
 

@@ -24,7 +24,6 @@ def arm_of(modes: int) -> ArmParameters:
 
 
 def resting_at(x: float, y: float) -> dict[str, Any]:
-    """Return the options of a reference that stands still."""
     return {"reference": "waypoints", "waypoints": [(x, y), (x + NEARBY, y)], "lap_time": 1e5}
 
 

@@ -57,8 +57,6 @@ def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class _PlainEntry(NamedTuple):
-    """An entry point of a variant, in plain Python."""
-
     entry: Callable[..., Any]
     variant: AnyVariant
 

@@ -11,15 +11,11 @@ from flexarm_agents.commands import main
 
 
 class Printed(NamedTuple):
-    """What the command printed."""
-
     stdout: str
     stderr: str
 
 
 class Shell:
-    """Runs the command in this process, in a folder."""
-
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
         self._capsys, self.folder = capsys, folder
         monkeypatch.chdir(folder)

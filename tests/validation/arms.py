@@ -19,8 +19,6 @@ CHAIN_ANGLE = 1.25
 
 
 class Sight(NamedTuple):
-    """An arm at an instant."""
-
     tip: Array  # x, y [m]
     joints: Array  # theta1, theta2 [rad]
     rates: Array  # their rates [rad/s]
@@ -28,8 +26,6 @@ class Sight(NamedTuple):
 
 
 class Bend(NamedTuple):
-    """How an arm's links lie and bend."""
-
     roots: Array  # angles of the root tangents from the x axis [rad]. Shape (2,)
     root_rates: Array  # their rates [rad/s]. Shape (2,)
     deflections: Array  # w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES)
@@ -37,8 +33,6 @@ class Bend(NamedTuple):
 
 
 class Plant(Protocol):
-    """Something to which torques are applied."""
-
     def advance(self, torque: Array, periods: int) -> Array:
         """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
 
@@ -166,12 +160,10 @@ class Modal:
         return self.arm.tip(run.states[1:, : self.arm.size])
 
     def look(self) -> Sight:
-        """Return the arm's present outputs."""
         q, rates = np.split(self.state, 2)
         return Sight(self.arm.tip(q), q[:2], rates[:2], self.arm.tip_deflection(q))
 
     def bend(self) -> Bend:
-        """Its links now."""
         m = self.arm.parameters.modes_per_link
         y, v = np.split(self.arm.internal_state(self.state), 2)
         deflections = [

@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Joints:
-    """Which joints are locked."""
-
     shoulder: bool  # locked
     elbow: bool  # locked
 
@@ -36,8 +34,6 @@ class Joints:
 
 @dataclass(frozen=True)
 class Beam:
-    """A uniform beam."""
-
     length: float  # L [m]
     rigidity: float  # EI [N m^2]
     density: float  # rho [kg/m]
@@ -52,7 +48,6 @@ class Beam:
 
 
 def links(parameters: ArmParameters) -> tuple[Beam, Beam]:
-    """Return the arm's two links."""
     p = parameters
     columns = (p.link_lengths, p.flexural_rigidities, p.masses_per_length)
     one, two = (Beam(*values) for values in zip(*columns, strict=True))

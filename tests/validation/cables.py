@@ -160,7 +160,6 @@ def _held(torques: Array) -> Callable[[Any, float, Any], list[float]]:
     before = [after[0], *after[:-1]]
 
     def load(system: Any, time: float, given: Any) -> list[float]:
-        """Return the torque about the z axis."""
         place = time / HELD
         k = min(int(place + 1e-6), len(after) - 1)
         return [0.0, 0.0, 0.5 * (before[k] + after[k]) if abs(place - k) < 1e-6 else after[k]]

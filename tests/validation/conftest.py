@@ -20,8 +20,6 @@ from scripts.common.plotting import save
 
 
 class Check(NamedTuple):
-    """A figure with its threshold."""
-
     name: str  # what is compared, a few words; unique in its module
     figure: Callable[[], float]  # finds it
     reason: str  # why the threshold is what it is, one sentence
@@ -31,8 +29,6 @@ class Check(NamedTuple):
 
 
 def checked(*checks: Check) -> Callable[[Check, Page], None]:
-    """Return a test of each check."""
-
     @pytest.mark.parametrize("check", checks, ids=[check.name for check in checks])
     def test_check(check: Check, page: Page) -> None:
         page.check(check)
@@ -41,8 +37,6 @@ def checked(*checks: Check) -> Callable[[Check, Page], None]:
 
 
 class Page:
-    """Records what the page shows."""
-
     def __init__(self, record: Callable[[str, object], None], figures: Path) -> None:
         """Write into a report; `record` adds a property to it."""
         self._record, self._figures = record, figures
@@ -55,20 +49,16 @@ class Page:
         assert passed, f"{check.name}: {figure:.6g} {check.unit}, must be from {least} to {most}"
 
     def quote(self, figures: Mapping[str, float]) -> None:
-        """Record figures that texts quote, by their names there."""
         self._record("quoted", json.dumps({name: float(figure) for name, figure in figures.items()}))
 
     def table(self, name: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """Record a table, by the name of its block."""
         self._record("table", json.dumps({name: table(header, rows)}))
 
     def picture(self, figure: Figure, name: str) -> None:
-        """Write a picture."""
         save(figure, self._figures, name)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Print all checks where a report is written."""
     if not terminalreporter.config.getoption("xmlpath"):
         return
     reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]

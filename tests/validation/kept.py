@@ -25,7 +25,6 @@ LIBRARIES = ("numpy", "scipy", "numba", "mujoco", "exudyn")
 
 @cache
 def _folder() -> Path:
-    """Return the folder of results that hold now."""
     digest = hashlib.sha256(platform.python_version().encode())
     for library in LIBRARIES:
         try:

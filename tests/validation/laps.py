@@ -46,8 +46,6 @@ WINDOW = 50  # control periods that a picture takes together: half a second
 
 
 class Lap(NamedTuple):
-    """A lap under a controller."""
-
     tip: Array  # every `HELD`. Shape (n, 2)
     torque: Array  # of each control period [N m]. Shape (k, 2)
     states: list[Array]  # states of each chosen model, at each control instant
@@ -87,7 +85,6 @@ class Away(NamedTuple):
     after_2s: float
 
     def __str__(self) -> str:
-        """Write it for a table."""
         return f"{self.rms:.3g} / {self.after_2s:.3g}"
 
 
@@ -98,8 +95,6 @@ def away(tip: Array, other: Array) -> Away:
 
 
 class Controller(Protocol):
-    """Drives an arm."""
-
     def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
         """Take an arm at rest on the first corner; return what does a control period: torque, tip after each `HELD`."""
 
@@ -144,8 +139,6 @@ class Hosted:
 
 
 class Regulator:
-    """Feedback along a plan for the default arm."""
-
     def __init__(self, lap: str, weights: RegulatorWeights, change_weight: float = CHANGE_WEIGHT) -> None:
         """Plan the lap with a weight on changes of the torques (`TrackingProblem`), and compute the gains."""
         self.plan = _plan(lap, change_weight)

@@ -82,7 +82,6 @@ class _Loop:
         self._past: list[Pair] = []
 
     def advance(self, gain: float) -> None:
-        """One step."""
         reference = self._reference[len(self._past)]
         self._past.append(self._law.chain.joints())
         self._law.step(gain, reference, (self._delayed(0), self._delayed(1)))

@@ -29,8 +29,6 @@ LOW_PASS = 10.0  # [Hz]; of angles, forwards and backwards (no phase)
 
 @dataclass(frozen=True)
 class Programme:
-    """Something that is done to the arm."""
-
     name: str  # short
     title: str  # for pictures
     # torques of shoulder and elbow at amplitude 1 [N m] at the times of an array [s]; (n,) to (n, 2)
@@ -63,7 +61,6 @@ class Programme:
         return self.amplitude * np.array(self.force)
 
     def times(self, amplitude: float) -> Programme:
-        """Return the programme at another amplitude."""
         return replace(self, amplitude=amplitude)
 
 
@@ -98,7 +95,6 @@ def spin_up(time: Array) -> Array:
 
 
 def nothing(time: Array) -> Array:
-    """No torque."""
     return np.zeros((len(time), 2))
 
 
@@ -113,15 +109,12 @@ PROGRAMMES = (
 
 
 class Model(NamedTuple):
-    """Fields of `ArmParameters` that make a model."""
-
     kinematics: Kinematics
     modes_per_link: int
     mode_shapes: ModeShapes = "cantilever"
 
     @property
     def label(self) -> str:
-        """Name it in tables and pictures."""
         shape = "mode" if self.mode_shapes == "cantilever" else "polynomial"
         return f"{self.kinematics}, {self.modes_per_link} {shape}{'s' if self.modes_per_link > 1 else ''}"
 
@@ -138,8 +131,6 @@ DEFAULT = Model("foreshortened", 3, "polynomial")  # the default arm's
 
 
 class Motion(NamedTuple):
-    """A record of n instants, `HELD` apart."""
-
     tip: Array  # x, y [m]. Shape (n, 2)
     joints: Array  # theta1, theta2 [rad]. Shape (n, 2)
     deflection: Array  # of each link's tip off its root tangent [m]. Shape (n, 2)
@@ -195,7 +186,6 @@ def apart(one: Array, other: Array) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Return the root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

@@ -43,7 +43,6 @@ def load() -> dict[str, dict[str, Motion]]:
 
 
 def main() -> None:
-    """Run both engines, and write the file."""
     from tests.validation.arms import chain_motion
     from tests.validation.cables import cable_motion
 

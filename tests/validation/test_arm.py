@@ -49,8 +49,6 @@ RATE_MODES = (4, 5, 6, 7, 8, 9, 10)  # beyond what the package has, where the ra
 
 
 class ArmCase(NamedTuple):
-    """An arm in a pose."""
-
     case: Case  # exact frequencies and the package's
     elements: Array  # frequencies of finite elements [rad/s]
     # frequencies of finite elements held to the package's shapes [rad/s], by the shapes
@@ -59,7 +57,6 @@ class ArmCase(NamedTuple):
 
 @cache
 def cases() -> dict[tuple[str, str, float], ArmCase]:
-    """All loads, joints and elbow angles."""
     return {
         (load, joints, a): _case(LOADS[load], JOINTS[joints], a) for load in LOADS for joints in JOINTS for a in ANGLES
     }

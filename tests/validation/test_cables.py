@@ -30,7 +30,6 @@ TENTH = "a choice: a tenth of the 1 mm required of the models"
 
 @kept
 def motion(name: str, elements: int = ELEMENTS, step: float = STEP, axial_stiffness: float = AXIAL_STIFFNESS) -> Motion:
-    """Run a programme."""
     return cable_motion(recorded.cases()[name], elements, step, axial_stiffness)
 
 
@@ -55,7 +54,6 @@ def from_record(name: str) -> float:
 
 
 def largest(change: Callable[[str], float]) -> Callable[[], float]:
-    """Return what finds the largest change under smooth torques."""
     return lambda: max(map(change, recorded.DOUBLED))
 
 

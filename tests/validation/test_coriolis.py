@@ -67,7 +67,6 @@ class Pair(NamedTuple):
 
 @cache
 def pairs() -> dict[float, Pair]:
-    """All amplitudes."""
     return {a: Pair(doublet("complete", a), doublet("rigid", a)) for a in AMPLITUDES}
 
 

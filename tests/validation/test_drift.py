@@ -33,8 +33,6 @@ FLOOR = 1e-13  # below it, rounding; for the picture
 
 
 class Case(NamedTuple):
-    """One run."""
-
     model: Model
     start: str
     step: float
@@ -42,17 +40,13 @@ class Case(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The arm in words."""
         return self.model.label.removeprefix("linear, ")
 
     def arm(self) -> FlexibleArm:
-        """Build the arm."""
         return FlexibleArm(ArmParameters.linear(damping_ratio=self.damping, **self.model._asdict()))
 
 
 class Drift(NamedTuple):
-    """What a run shows."""
-
     energy: Array  # over that of the start, minus 1, every `RECORDED`
     # change of the angular momentum over what the arm would have if it turned stiffly with all its energy
     momentum: Array
@@ -87,7 +81,6 @@ BOUNDED = [
 
 @kept
 def drift(case: Case) -> Drift:
-    """Run a case over ten minutes."""
     arm = case.arm()
     start = start_state(arm, case.start)
     run = arm.simulate(start, None, DURATION, RECORDED, round(RECORDED / case.step))
@@ -116,12 +109,10 @@ def loss_bound(arm: FlexibleArm, step: float, duration: float) -> float:
 
 
 def largest(change: Array) -> float:
-    """Return the largest magnitude."""
     return float(np.abs(change).max())
 
 
 def runs(label: str, **wanted: Any) -> list[Case]:
-    """Return the undamped cases of an arm."""
     own = [case for case in UNDAMPED if case.label == label]
     return [case for case in own if all(getattr(case, name) == value for name, value in wanted.items())]
 

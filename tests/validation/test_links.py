@@ -96,7 +96,6 @@ test_checks = checked(
 
 
 def test_picture(page: Page) -> None:
-    """The error of each frequency by number of modes."""
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 6.8), sharex=True, sharey=True)
     for line, basis in zip(axes, BASES, strict=True):
         for axis, root in zip(line, ROOTS, strict=True):

@@ -48,8 +48,6 @@ SOFT_GAIN, STIFF_GAIN = 0.02, 1.0  # gains lambda: fastest poles near -220 /s an
 
 
 class Study(NamedTuple):
-    """An integrator on a problem."""
-
     errors: Callable[[Array], list[float]]  # returns the error with each step
     longest: float  # step, halved three times [s]
     bounds: tuple[float, float]  # of the order
@@ -96,7 +94,6 @@ def errors(name: str) -> list[float]:
 
 
 def order(name: str) -> float:
-    """Return the observed order of a study."""
     return rate(1.0 / STUDIES[name].steps, errors(name))
 
 
@@ -106,7 +103,6 @@ test_checks = checked(
 
 
 def test_picture(page: Page) -> None:
-    """Error by step, one line an integrator and problem."""
     figure, axis = plt.subplots(figsize=(WIDTH, 6.4))
     for (name, study), colour in zip(STUDIES.items(), (*COLOURS, INK), strict=False):
         axis.loglog(1e3 * study.steps, errors(name), "o-", color=colour, label=f"{name}: {order(name):.2f}")
@@ -143,7 +139,6 @@ def bent(arm: FlexibleArm) -> Array:
 
 
 def driven(arm: FlexibleArm, torque: Torque) -> Callable[[float, Array], Array]:
-    """d(state)/dt of the arm under a torque."""
     return lambda t, x: np.concatenate([x[arm.size :], arm.acceleration(x, torque(t, x))])
 
 

@@ -35,7 +35,6 @@ test_checks = checked(
 
 
 def test_table(page: Page) -> None:
-    """A row for each lap and weight."""
     rows = []
     for lap in LAPS:
         for weight in CHANGE_WEIGHTS:
@@ -61,7 +60,6 @@ def test_table(page: Page) -> None:
 
 
 def test_picture(page: Page) -> None:
-    """The distances against the scores, one panel a lap."""
     figure, axes = plt.subplots(1, len(LAPS), figsize=(WIDTH, 4.0), sharey=True)
     for axis, lap in zip(axes, LAPS, strict=True):
         for plant, (text, colour, above) in LOOKS.items():

@@ -45,8 +45,6 @@ CASES = {  # arms, and the torques that drive them
 
 
 class Errors(NamedTuple):
-    """Errors of one arm."""
-
     default: int  # steps in a period that the environments take
     median: dict[int, float]  # of all motions [m], by steps in a period
     largest: dict[int, float]  # likewise
@@ -60,7 +58,6 @@ class Errors(NamedTuple):
 
 @cache
 def measured(name: str) -> Errors:
-    """Measure the errors of one arm."""
     parameters, limits = CASES[name]
     default = Settings.of({"arm": asdict(parameters), "torque_limit": limits}).integration.substeps
     least = int(np.ceil(PERIOD * FlexibleArm(parameters).fastest_rate() / STABLE))

@@ -30,7 +30,6 @@ WINDOW = round(0.1 / (recorded.EVERY * HELD))  # instants
 
 @cache
 def motion(name: str, model: Model) -> Motion:
-    """Run a recorded programme on a model."""
     return recorded.thinned(model_motion(recorded.cases()[name], model))
 
 

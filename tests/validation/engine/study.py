@@ -50,8 +50,6 @@ MAPPED = (Model("linear", 2), Model("linear", 3), Model("foreshortened", 2), Mod
 
 
 class Case(NamedTuple):
-    """A programme at an amplitude."""
-
     reference: Motion  # the extrapolated chain
     chains: dict[int, Motion]  # by number of elements
     errors: dict[Model, Motion | None]  # of each model, its motion less the reference; None for one that diverged
