@@ -1,1 +1,1 @@
-"""The benchmark (`make bench`): how time is taken, what is timed, and the same lap with scipy."""
+"""The benchmark (`make bench`): how time is taken, and what is timed."""

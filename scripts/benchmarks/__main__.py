@@ -1,4 +1,4 @@
-"""Measure the speed of FlexArm beside what a user knows: scalar beside batch, Acrobot, scipy, the paper's clock.
+"""Measure the speed of FlexArm beside what a user knows: one environment beside a batch, Acrobot, MuJoCo.
 
 All subjects of a group are timed by turns in one run, on one core (threads: on all), and compared repeat by repeat:
 trust the ratios. The times behind them belong to the machine. Prints tables and writes one JSON file.
@@ -19,9 +19,8 @@ import llvmlite.binding
 from tqdm import tqdm
 
 from flexarm_agents.commands.text import columns
-from flexarm_env.parameters import MAX_MODES
 from flexarm_env.validation import choice
-from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
+from scripts.benchmarks import environments, family, peers
 from scripts.benchmarks.timing import Group, measure
 from scripts.common import command_line
 from scripts.common.command_line import read_options
@@ -38,12 +37,10 @@ class Options:
     """How often the short measurements are repeated; the long ones half as often."""
     only: tuple[str, ...] = ()
     """Groups to measure, by the names that the progress bar shows; without, all."""
-    modes: tuple[int, ...] = (1, 2)
-    """Modes a link in the measurement of the torque-driven arm."""
     cold: int = 2
     """How often the start without compiled code is measured."""
     quick: bool = False
-    """A trial of the script: two short repeats, the first of `modes`, a part of the lap. Its numbers mean little."""
+    """A trial of the script: two short repeats. Its numbers mean little."""
 
 
 def keep_on_one_core() -> int | None:
@@ -82,23 +79,17 @@ def _cpu_model() -> str:
 def run(options: Options, cache: Path) -> dict[str, Any]:
     """Measure everything, and return what the JSON file holds."""
     repeats = 2 if options.quick else options.repeats
-    modes = options.modes[:1] if options.quick else options.modes
     effort = 0.05 if options.quick else 1.0
-    seconds = 0.25 if options.quick else lap.LAP
     facts = machine()
     makers: list[tuple[str, Callable[[], Group]]] = [
-        ("torque-driven arm", lambda: physics.torque_driven(modes, effort)),
-        ("closed loop", lambda: physics.closed_loop(effort)),
-        ("Jacobians", lambda: derivatives.jacobians(effort, everything=not options.quick)),
-        ("trajectory optimisation", lambda: derivatives.iterations(everything=not options.quick)),
+        ("Jacobians", lambda: family.jacobians(effort)),
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
-        ("lap", lambda: lap.lap(seconds)),
-        ("batches", lambda: family.batch(modes, effort, 64 if options.quick else family.MANY)),
+        ("batches", lambda: family.batch(effort)),
         ("sensors", lambda: family.sensors(effort)),
     ]
     optional = [
-        ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
+        ("chain in MuJoCo", ("mujoco",), lambda: family.chain(effort)),
         ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
     ]
     labels = [*(label for label, _ in makers), *(label for label, *_ in optional), "threads"]
@@ -142,10 +133,8 @@ def report(results: dict[str, Any]) -> str:
     lines += ["", "TIMES on this machine: processor time where `wall`, the clock's median, stands beside it"]
     for group in groups:
         rows = [_time(values, name, group["clock"]) for name, values in group["times"].items()]
-        rows += [(_number(value), "", "", "", "", f"{name} (not measured)") for name, value in group["given"].items()]
         header = ("median", "least", "most", "wall", "a second", "")
         lines += ["", f"{group['title']}: {group['unit']}", table([header, *rows])]
-        lines += [f"  {name}: {value:.3g}" for name, value in group["facts"].items()]
     return "\n".join(lines)
 
 
@@ -168,8 +157,6 @@ def main() -> None:
     for name in ("repeats", "cold"):
         if getattr(options, name) < 1:
             raise ValueError(f"{name} = {getattr(options, name)}: must be an integer >= 1")
-    if not options.modes or not all(1 <= m <= MAX_MODES for m in options.modes):
-        raise ValueError(f"modes = {options.modes}: must be one or more integers from 1 to {MAX_MODES}")
     with tempfile.TemporaryDirectory() as cache:
         results = run(options, Path(cache))
     options.output.parent.mkdir(parents=True, exist_ok=True)

@@ -11,51 +11,26 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
-from numpy.typing import NDArray
 
 from scripts.benchmarks.timing import Group, Ratio, Subject
 
-SQUARE, PAPER = "FlexArm/Square-v0", "FlexArm/Paper-v0"
-ACROBOT, EMPTY = "Acrobot-v1", "FlexArmBench/Empty-v0"
+SQUARE = "FlexArm/Square-v0"
+ACROBOT = "Acrobot-v1"
 LINEAR = "linear"  # the arm beside which the default one is timed
-
-
-class EmptyEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Does nothing: what Gymnasium itself costs."""
-
-    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
-    action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
-    _observation = np.zeros(12, dtype=np.float32)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Start an episode."""
-        super().reset(seed=seed)
-        return self._observation.copy(), {}
-
-    def step(self, action: Any) -> Any:
-        """Do nothing."""
-        return self._observation.copy(), 0.0, False, False, {}
 
 
 def steps(effort: float) -> Group:
     """Single environments with random actions, resets included."""
-    if EMPTY not in gymnasium.registry:
-        gymnasium.register(EMPTY, entry_point=f"{__name__}:{EmptyEnv.__name__}", max_episode_steps=16_000)
-    counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
+    counts = {SQUARE: 8000, ACROBOT: 3000}
     subjects = [stepped(name, name, round(effort * count)) for name, count in counts.items()]
     linear = stepped(f"{SQUARE}, linear arm", SQUARE, round(effort * counts[SQUARE]), arm=LINEAR)
-    subjects.append(linear)
     ratios = [
         Ratio(SQUARE, linear.name, "the default arm over the linear one, time of a step"),
         Ratio(ACROBOT, linear.name, f"{linear.name} over Acrobot, steps in the same time"),
         Ratio(ACROBOT, SQUARE, f"{SQUARE} over Acrobot, steps in the same time"),
-        Ratio(ACROBOT, PAPER, f"{PAPER} over Acrobot, steps in the same time"),
-        Ratio(SQUARE, EMPTY, "FlexArm's time over that of an empty environment"),
-        Ratio(ACROBOT, EMPTY, "Acrobot's time over that of an empty environment"),
     ]
     title = "One environment, gymnasium.make with default wrappers, random actions"
-    return Group("environment", title, "us", "env step", subjects, ratios)
+    return Group("environment", title, "us", "env step", [*subjects, linear], ratios)
 
 
 def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
@@ -81,7 +56,7 @@ import gymnasium
 if sys.argv[1].startswith("FlexArm"):
     import flexarm_env
 clock.append(time.perf_counter())
-env = gymnasium.make(sys.argv[1], **json.loads(sys.argv[2]))
+env = gymnasium.make(sys.argv[1])
 clock.append(time.perf_counter())
 env.reset(seed=0)
 clock.append(time.perf_counter())
@@ -95,17 +70,10 @@ print(json.dumps(parts | {"processor": time.process_time()}))
 def first_step(colds: int, cache: Path) -> Group:
     """Time processes from their start to their first step, with an empty cache (so often) and with a filled one."""
     cold, cached = f"{SQUARE}, nothing compiled yet", f"{SQUARE}, compiled code cached"
-    linear, empty = f"{SQUARE}, linear arm, nothing compiled yet", cache / "linear"
     subjects = [  # the first one comes first
         Subject(cold, lambda: _process(SQUARE, cache), prepare=lambda: shutil.rmtree(cache), at_most=colds),
         Subject(cached, lambda: _process(SQUARE, cache)),
         Subject(ACROBOT, lambda: _process(ACROBOT, cache)),
-        Subject(
-            linear,
-            lambda: _process(SQUARE, empty, arm=LINEAR),
-            prepare=lambda: shutil.rmtree(empty, ignore_errors=True),
-            at_most=colds,
-        ),
     ]
     ratios = [
         Ratio(cold, cached, "first time ever over a later process"),
@@ -115,8 +83,8 @@ def first_step(colds: int, cache: Path) -> Group:
     return Group("first_step", title, "s", "process", subjects, ratios, wall=True, warm=False, share=0.5)
 
 
-def _process(name: str, cache: Path, **options: Any) -> dict[str, float]:
+def _process(name: str, cache: Path) -> dict[str, float]:
     environment = os.environ | {"FLEXARM_CACHE_DIR": str(cache)}
-    command = [sys.executable, "-c", _FIRST_STEP, name, json.dumps(options)]
+    command = [sys.executable, "-c", _FIRST_STEP, name]
     done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)

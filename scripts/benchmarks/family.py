@@ -1,9 +1,9 @@
-"""The environment family beside its peers: a batch, one environment, a chain in MuJoCo, the learner alone."""
+"""Batches beside their peers, Jacobians beside steps, a chain in MuJoCo, the learner alone."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +11,10 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces.utils import flatdim
 
-from flexarm_env.envs.batch import COSTS, BatchSimulator
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.envs.settings import Settings
-from scripts.benchmarks import accuracy, peers
+from scripts.benchmarks import peers
 from scripts.benchmarks.environments import LINEAR, SQUARE, stepped
-from scripts.benchmarks.physics import bare_kernel
 from scripts.benchmarks.timing import Group, Ratio, Subject
 
 GAIN = "FlexArm/SquareGain-v0"
@@ -25,38 +24,49 @@ BATCH_CALLS = 100
 SINGLE_CALLS = 4000
 SEGMENTS = 10
 FINE_STEP = 2e-4  # [s]
-MANY = 4096
 LEARNING_FRAMES, LEARNERS = 65_536, 64
 
 
-def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
+def batch(effort: float) -> Group:
     """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset."""
-    subjects, ratios = [], []
-    acrobot = peers.envpool_acrobot(ENVS, effort) if peers.installed("envpool") else None
-    if acrobot is not None:
-        subjects.append(acrobot)
-    for m in modes:
-        arm = {"preset": LINEAR, "modes_per_link": m}
-        batch_of = _batch(f"{SQUARE}, linear, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=arm)
-        bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
-        bare = replace(bare, amount=bare.amount / Settings.of({"arm": arm}).substeps)
-        subjects += [batch_of, bare]
-        ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
-        if acrobot is not None:
-            ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, linear arm, {m} modes"))
     gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
     torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
     linear = _batch(f"{SQUARE}, linear arm", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=LINEAR)
-    subjects += [gain, torque, linear]
-    ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
-    ratios.append(Ratio(torque.name, linear.name, "the default arm over the linear one, time of a step"))
-    if acrobot is not None:
-        ratios.append(Ratio(acrobot.name, torque.name, "FlexArm over EnvPool's Acrobot, default arm"))
-    few, *more = (_block(lanes, round(40_000 * effort)) for lanes in COSTS)
-    subjects += [few, *more]
-    ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]
-    facts = {f"memory added by {many} environments [MB]": _memory(many)}
-    return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
+    subjects = [gain, torque, linear]
+    ratios = [
+        Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"),
+        Ratio(torque.name, linear.name, "the default arm over the linear one, time of a step"),
+    ]
+    if peers.installed("envpool"):
+        acrobot = peers.envpool_acrobot(ENVS, effort)
+        subjects.append(acrobot)
+        ratios += [Ratio(acrobot.name, one.name, f"{one.name} over EnvPool's Acrobot") for one in (torque, linear)]
+    return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios)
+
+
+def jacobians(effort: float) -> Group:
+    """Declare the group of all Jacobians of a control period beside plain steps; a column is a unit of work."""
+    subjects, ratios = [], []
+    for name, parameters in {"default arm": ArmParameters(), "linear arm": ArmParameters.linear()}.items():
+        arm = FlexibleArm(parameters)
+        steps = Settings.of({"arm": "default" if name == "default arm" else LINEAR}).substeps
+        state = np.zeros((ENVS, 2 * arm.size))
+        state[:, 1] = np.linspace(0.5, 2.5, ENVS)
+        plain, each = f"{name}, plain steps", f"{name}, a column"
+        calls, columns = max(1, round(10 * effort)), 2 * arm.size + 5
+        work = (_repeated(10 * calls, arm.step, state, steps), _repeated(calls, arm.step_jacobians, state, steps))
+        subjects.append(Subject(plain, work[0], 10 * calls * ENVS * steps))
+        subjects.append(Subject(each, work[1], calls * ENVS * steps * columns))
+        ratios.append(Ratio(each, plain, f"a column of Jacobians over a plain step, {name}"))
+    return Group("jacobians", f"Jacobians of a control period, batch of {ENVS}", "ns", "step and arm", subjects, ratios)
+
+
+def _repeated(calls: int, function: Callable[..., Any], state: Any, steps: int) -> Callable[[], None]:
+    def work() -> None:
+        for _ in range(calls):
+            function(state, (20.0, -5.0), PERIOD, step=PERIOD / steps)
+
+    return work
 
 
 def sensors(effort: float) -> Group:
@@ -109,52 +119,19 @@ def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) ->
     return Subject(name, work, calls * num_envs)
 
 
-def _block(lanes: int, calls: int) -> Subject:
-    """One full block's step in its kernel alone: what `flexarm_env.envs.batch.COSTS` says, for each environment."""
-    simulator = BatchSimulator(Settings.of({}), lanes)
-    simulator.start(np.arange(lanes, dtype=np.uint64), np.arange(lanes), simulator.usual_requests)
-    calls = max(1, calls // lanes)
+def chain(effort: float) -> Group:
+    """Declare the group of the linear arm as a chain of segments in MuJoCo, per simulated second.
 
-    def work() -> None:
-        for _ in range(calls):
-            simulator.step()
-
-    return Subject(f"block of {lanes} lanes", work, calls * lanes)
-
-
-def _memory(many: int) -> float:
-    imports = "import gymnasium, flexarm_env, numpy as np\nenv = gymnasium.make_vec('FlexArm/Square-v0', num_envs=16)\n"
-    imports += "env.reset(seed=0); env.step(np.zeros((16, 2), np.float32))"
-    code = f"many = gymnasium.make_vec('FlexArm/Square-v0', num_envs={many})\n"
-    code += f"many.reset(seed=0); many.step(np.zeros(({many}, 2), np.float32))"
-    return peers.memory_of(code, imports) / 1e6
-
-
-def chain(modes: Sequence[int], effort: float) -> Group:
-    """Declare the group of the same arm as a chain of segments in MuJoCo, per simulated second.
-
-    At its largest stable step; at one whose error in time is some tenths of a millimetre; and at the step at which that
-    error is no larger than FlexArm's. The chain's shape is better than one mode's in any case; what is equal there is
-    the error that the step makes.
+    At its largest stable step, and at one whose error in time is some tenths of a millimetre.
     """
-    chains = [peers.mujoco_chain(SEGMENTS, effort, damping) for damping in (0.01, 0.0)]
-    chains.append(peers.mujoco_chain(SEGMENTS, effort, step=FINE_STEP))
-    error = accuracy.chain_error(SEGMENTS, "implicitfast", round(accuracy.HELD / FINE_STEP))
-    subjects, ratios, facts = [*chains], [], {f"error in time, chain at {1e3 * FINE_STEP:g} ms [mm]": 1e3 * error}
-    for m in modes:
-        accurate, equal = peers.accurate_chain(SEGMENTS, effort, m)
-        subjects.append(accurate)
-        facts |= {f"error in time, {m} modes [mm]": 1e3 * equal.ours}
-        facts |= {f"error in time, chain at {1e3 * equal.step:.3g} ms [mm]": 1e3 * equal.error}
-        options = {"arm": {"preset": LINEAR, "modes_per_link": m}}
-        single = stepped(f"one environment, {m} modes", SQUARE, max(50, round(SINGLE_CALLS * effort)), **options)
-        many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
-        for subject in (single, many):
-            subjects.append(replace(subject, amount=subject.amount * PERIOD))
-            ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
-            ratios.append(Ratio(accurate.name, subject.name, f"equal accuracy in time: chain over {subject.name}"))
+    chains = [peers.mujoco_chain(SEGMENTS, effort), peers.mujoco_chain(SEGMENTS, effort, FINE_STEP)]
+    subjects, ratios = [*chains], []
+    single = stepped("one environment", SQUARE, max(50, round(SINGLE_CALLS * effort)), arm=LINEAR)
+    for subject in (single, _batch(f"batch of {ENVS}", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=LINEAR)):
+        subjects.append(replace(subject, amount=subject.amount * PERIOD))
+        ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
     title = "One simulated second of one arm, MuJoCo and FlexArm, one core"
-    return Group("chain", title, "ms", "simulated second", subjects, ratios, facts=facts)
+    return Group("chain", title, "ms", "simulated second", subjects, ratios)
 
 
 def learning(effort: float) -> Group:

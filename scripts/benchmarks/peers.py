@@ -1,4 +1,4 @@
-"""What FlexArm's speed is held against: other engines, the machine's own peak, and an environment that does nothing.
+"""What FlexArm's speed is held against: other engines, and an environment that does nothing.
 
 The packages behind are optional and imported when first needed; ask `installed` before.
 """
@@ -6,17 +6,12 @@ The packages behind are optional and imported when first needed; ask `installed`
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 import warnings
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters
-from scripts.benchmarks.accuracy import EqualStep, equal_step
 from scripts.benchmarks.timing import Subject
 
 if TYPE_CHECKING:
@@ -26,8 +21,6 @@ ACROBOT = "Acrobot-v1"
 ACROBOT_STEPS = 100_000  # a timed call at effort 1
 CHAIN_SECONDS = 10.0  # simulated in a timed call at effort 1 [s]
 TORQUE, TORQUE_HELD = 20.0, 0.01  # of the chain's motors: up to [N m], constant for [s]
-CHAINED, LANES = 8, 64  # dependent multiply-adds a lane, and lanes
-FLOPS = 600_000_000  # a timed call at effort 1
 ROLLOUT, BATCH = 8192, 1024  # frames between two updates, and in a gradient step
 
 
@@ -61,45 +54,23 @@ def envpool_acrobot(num_envs: int, effort: float, threads: int = 1) -> Subject:
     return Subject(name, work, calls * num_envs)
 
 
-def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:
+def mujoco_chain(segments: int, effort: float, step: float | None = None) -> Subject:
     """Declare the arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
-
-    The largest stable step depends much on the damping, as `flexarm_env.chain` says: show 0.01 (FlexArm's default) and
-    0 (the paper's arm).
 
     Args:
         segments: rigid segments a link; as many degrees of freedom a link.
         effort: factor on the work of a timed call.
-        damping_ratio: of the first clamped mode of a link; the higher ones get more.
         step: [s]; None: the largest stable one of `flexarm_env.chain.model.TIME_STEPS`.
     """
+    import mujoco
+
     from flexarm_env.chain import model as chain
 
-    arm = ArmParameters.linear(damping_ratio=damping_ratio)
+    arm = ArmParameters.linear()
     step = chain.largest_stable_step(segments, arm) if step is None else step
-    damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
-    name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"
-    return _chain(name, chain.chain_model(segments, arm, step), effort)
-
-
-def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
-    """Declare the linear arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms."""
-    import mujoco
-
-    from flexarm_env.chain import model as chain
-
-    equal = equal_step(segments, modes)
-    model = chain.chain_model(segments, ArmParameters.linear(), equal.step)
-    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{equal.integrator.upper()}")
-    step = f"{equal.integrator}, step {1e3 * equal.step:.3g} ms"
-    name = f"MuJoCo chain, {segments} segments a link, damping 0.01, {step}: as accurate in time as {modes} modes"
-    return _chain(name, model, effort), equal
-
-
-def _chain(name: str, model: Any, effort: float) -> Subject:
-    import mujoco
-
-    data, step = mujoco.MjData(model), model.opt.timestep
+    name = f"MuJoCo chain, {segments} segments a link, implicitfast, step {1e3 * step:g} ms"
+    model = chain.chain_model(segments, arm, step)
+    data = mujoco.MjData(model)
     held = max(1, round(TORQUE_HELD / step))  # steps of a call: what Python costs is spread over them
     calls = max(1, round(effort * CHAIN_SECONDS / (held * step)))
     torques = np.random.default_rng(0).uniform(-TORQUE, TORQUE, (calls, 2))
@@ -112,27 +83,6 @@ def _chain(name: str, model: Any, effort: float) -> Subject:
             raise RuntimeError(f"{name}: the state stopped being finite")
 
     return Subject(name, work, calls * held * step, prepare=lambda: mujoco.mj_resetData(model, data))
-
-
-# --- the machine ------------------------------------------------------------------------------------------------------
-
-
-@numba.njit(fastmath={"contract"}, boundscheck=False)  # the machine is measured, not a result: contraction is the point
-def _multiply_add(lanes: NDArray[np.float64], factor: float, addend: float, sweeps: int) -> None:
-    for _ in range(sweeps):
-        for i in range(LANES):
-            x = lanes[i]
-            for _ in range(CHAINED):
-                x = x * factor + addend
-            lanes[i] = x
-
-
-def multiply_adds(effort: float) -> Subject:
-    """Fused multiply-adds in double precision on one core, vectorised, 64 independent chains; amount: flop."""
-    sweeps = max(1, round(effort * FLOPS / (2 * CHAINED * LANES)))
-    lanes = np.linspace(0.0, 1.0, LANES)  # they go to 0.5, neither to zero nor out of range
-    name = "multiply-add peak of one core"
-    return Subject(name, lambda: _multiply_add(lanes, 0.5, 0.25, sweeps), 2.0 * CHAINED * LANES * sweeps)
 
 
 # --- learning ---------------------------------------------------------------------------------------------------------
@@ -179,35 +129,3 @@ def learn(env: VecEnv, steps: int) -> None:
         learner.learn(round_of)
         learner.learn(steps)
     env.close()
-
-
-# --- memory -----------------------------------------------------------------------------------------------------------
-
-# What a fresh process does; it prints how far its resident memory grew [bytes].
-_MEMORY = """
-import gc, resource, sys
-
-def resident():
-    try:
-        with open("/proc/self/statm") as numbers:
-            return int(numbers.read().split()[1]) * resource.getpagesize()
-    except FileNotFoundError:  # the peak will do: in bytes on macOS, else in KiB
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-names = {}
-exec(sys.argv[1], names)
-gc.collect()
-before = resident()
-exec(sys.argv[2], names)
-print(resident() - before)
-"""
-
-
-def memory_of(code: str, imports: str = "") -> int:
-    """Resident memory that a fresh process needs for some code, on top of what it holds after its imports [bytes].
-
-    Good to some 0.1 MB: memory grows by whole pages, and what the imports freed is used again unseen. Not for Windows.
-    """
-    command = [sys.executable, "-c", _MEMORY, imports, code]
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    return int(done.stdout.splitlines()[-1])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -32,7 +32,7 @@ class Subject:
 class Ratio:
     """How many times longer `slow` takes than `fast`, repeat by repeat."""
 
-    slow: str  # name of a subject, or of a number in `Group.given`
+    slow: str  # name of a subject
     fast: str  # the same
     says: str  # what the ratio means, in words
 
@@ -47,8 +47,6 @@ class Group:
     per: str  # what one unit of work is
     subjects: Sequence[Subject]  # what is timed
     ratios: Sequence[Ratio]  # what is compared
-    given: Mapping[str, float] = field(default_factory=dict)  # times that were not measured here [s]
-    facts: Mapping[str, float] = field(default_factory=dict)  # further numbers for the JSON file
     wall: bool = False  # the work is done by other processes, so that only the clock on the wall counts
     warm: bool = True  # do every subject's work once before the first timed call
     share: float = 1.0  # factor on the option `repeats`
@@ -73,15 +71,12 @@ def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[
                 progress(subject.name)
     if group.wall:
         samples |= walls
-    compared = samples | {name: [value] * group.repeats(repeats) for name, value in group.given.items()}
     return {
         "title": group.title,
         "unit": f"{group.unit} per {group.per}",
         "clock": "wall" if group.wall else "processor",
         "times": {name: _rated(values, walls[name], group.unit) for name, values in samples.items()},
-        "given": {name: UNITS[group.unit] * value for name, value in group.given.items()},
-        "facts": dict(group.facts),
-        "ratios": [_compare(ratio, compared) for ratio in group.ratios],
+        "ratios": [_compare(ratio, samples) for ratio in group.ratios],
     }
 
 

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts.benchmarks import accuracy, peers
-from scripts.benchmarks.lap import LAP, lap
+from scripts.benchmarks import peers
 from tests.support.programs import run_study
 
-GROUPS = {"torque_driven", "closed_loop", "jacobians", "iterations"}
-GROUPS |= {"environment", "first_step", "lap", "batch", "learning", "sensors", "threads"}
+GROUPS = {"jacobians", "environment", "first_step", "batch", "learning", "sensors", "threads"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
 run = partial(run_study, "benchmarks")
 
@@ -30,21 +28,16 @@ def test_a_trial_measures_every_group(tmp_path: Path) -> None:
     for group in results["groups"].values():
         assert all(0.0 < one["min"] <= one["median"] <= one["max"] < math.inf for one in group["times"].values())
         for ratio in group["ratios"]:
-            assert {ratio["slow"], ratio["fast"]} <= {*group["times"], *group["given"]}
+            assert {ratio["slow"], ratio["fast"]} <= {*group["times"]}
             assert 0.0 < ratio["min"] <= ratio["median"] <= ratio["max"] < math.inf
             assert ratio["says"] in done.stdout
 
 
-def test_the_whole_lap_can_be_declared() -> None:
-    """The trial runs a part of it, so that a limit that only the whole passes would not be met."""
-    assert lap(LAP).subjects
-
-
 def test_one_group_is_measured_alone(tmp_path: Path) -> None:
-    done = run("--quick", "--only", "closed loop", "--output", tmp_path / "bench.json")
+    done = run("--quick", "--only", "Jacobians", "--output", tmp_path / "bench.json")
     assert done.returncode == 0, done.stderr
     results = json.loads((tmp_path / "bench.json").read_text())
-    assert set(results["groups"]) == {"closed_loop"}
+    assert set(results["groups"]) == {"jacobians"}
     assert results["not_installed"] == []
 
 
@@ -62,21 +55,6 @@ def test_chain_simulates_the_seconds_it_is_timed_for(monkeypatch: pytest.MonkeyP
         assert abs(made[-1].qpos[0]) > 1e-3
 
 
-def test_accurate_chain_errs_no_more_than_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco", reason="MuJoCo is in the extra `bench`")
-    monkeypatch.setattr(accuracy, "SECONDS", 0.1)
-    for cached in (accuracy.chain_error, accuracy.chain_tips):
-        cached.cache_clear()
-    _, equal = peers.accurate_chain(4, 0.01, 2)
-    assert equal.error <= equal.ours
-    count = round(accuracy.HELD / equal.step)
-    coarser = accuracy.COUNTS[accuracy.COUNTS.index(count) - 1]
-    assert accuracy.chain_error(4, equal.integrator, coarser) > equal.ours
-    assert accuracy.our_error(1) < accuracy.our_error(2)
-    for cached in (accuracy.chain_error, accuracy.chain_tips):
-        cached.cache_clear()
-
-
 def test_envpool_makes_the_steps_it_is_timed_for(monkeypatch: pytest.MonkeyPatch) -> None:
     envpool = pytest.importorskip("envpool", reason="EnvPool is in the extra `bench`")
     made = []
@@ -87,17 +65,3 @@ def test_envpool_makes_the_steps_it_is_timed_for(monkeypatch: pytest.MonkeyPatch
     subject.work()
     *_, info = made[0].step(np.zeros(16, dtype=np.int32))
     assert np.all(info["elapsed_step"] == 63)
-
-
-def test_multiply_adds_are_done() -> None:
-    subject = peers.multiply_adds(1e-3)
-    assert subject.amount == pytest.approx(1e-3 * peers.FLOPS, rel=0.01)
-    lanes = np.linspace(0.0, 1.0, peers.LANES)
-    peers._multiply_add(lanes, 0.5, 0.25, 1)
-    np.testing.assert_allclose(lanes, 0.5 + (np.linspace(0.0, 1.0, peers.LANES) - 0.5) / 2**peers.CHAINED)
-
-
-def test_memory_of_a_statement() -> None:
-    size = 30_000_000
-    assert peers.memory_of(f"text = b'x' * {size}") == pytest.approx(size, rel=0.05)
-    assert peers.memory_of("y = numpy.ones(3)", imports="import numpy") < 2_000_000  # numpy itself is 15 MB
