@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flexarm_agents.descent.config import FOPGConfig as FOPGConfig
+    from flexarm_agents.evaluation.races import evaluate as evaluate
     from flexarm_agents.evaluation.scoring import Score as Score
     from flexarm_agents.evaluation.scoring import Spread as Spread
     from flexarm_agents.evaluation.scoring import StandardScore as StandardScore
-    from flexarm_agents.evaluation.scoring import evaluate as evaluate
     from flexarm_agents.evaluation.scoring import score as score
     from flexarm_agents.jobs.stopping import TrainingStopped as TrainingStopped
     from flexarm_agents.policies.load import Trained as Trained
@@ -56,7 +56,7 @@ _MODULES = {
     "Trained": "policies.load",
     "TrainingStopped": "jobs.stopping",
     "config_of": "training.config",
-    "evaluate": "evaluation.scoring",
+    "evaluate": "evaluation.races",
     "export_onnx": "policies.onnx_file",
     "load_policy": "policies.load",
     "network_policy": "sb3.export",

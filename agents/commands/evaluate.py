@@ -17,7 +17,8 @@ from flexarm_agents.commands.sources import POLICY, add_environment, check_envir
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, changed, plant_of
-from flexarm_agents.evaluation.scoring import Spread, StandardScore, evaluate, rank
+from flexarm_agents.evaluation.races import evaluate
+from flexarm_agents.evaluation.scoring import Spread, StandardScore, rank
 from flexarm_agents.files import check_place, write_json
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_agents.policies.load import shipped_policies

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from flexarm_agents import StandardScore, TrainingStopped, config_of, train
+from flexarm_agents import TrainingStopped, config_of, train
 from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.fields import add_fields, read_fields
+from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.training.config import ALGORITHMS, RunConfig, config_class
 from flexarm_agents.training.train import Outcome
 
@@ -71,7 +72,7 @@ def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
         print(f"stopped; {done}; the same command with --resume goes on", file=sys.stderr)
         sys.exit(128 + stopped.signal)
     for name, row in (("best", outcome.best), ("last", outcome.last)):
-        print(f"{name}: {StandardScore.of(row)}, at {row['steps']} steps")
+        print(f"{name}: {read_score(row)}, at {row['steps']} steps")
     print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
 
 

@@ -17,7 +17,6 @@ from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 
 COMPLETE = "truncated"  # how an episode ends that lasts as long as it may
-FINISHED = "finished"  # how a race ends whose laps are done
 _ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigures`, for complete episodes only
 
 
@@ -57,18 +56,13 @@ class Score(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """The episode lasted as long as it may, or the race was finished."""
-        return self.rms is not None
+        """The episode lasted as long as it may."""
+        return self.ended == COMPLETE
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Smaller is better: complete episodes by their r.m.s., before all that ended early, the longest first.
-
-        A race that was finished counts by its duration.
-        """
-        if self.rms is None:
-            return True, -self.duration
-        return False, self.duration if self.ended == FINISHED else self.rms
+        """Smaller is better: complete episodes by their r.m.s., before all that ended early, the longest first."""
+        return (True, -self.duration) if self.rms is None else (False, self.rms)
 
     def as_mapping(self) -> dict[str, Any]:
         """Return a mapping of plain values for a file."""
@@ -87,8 +81,6 @@ class Score(NamedTuple):
         """In one line: the errors of a complete episode; of another, why and when it ended."""
         if self.rms is None or self.maximum is None:
             return f"lost after {self.duration:.2f} s: {self.ended}"
-        if self.ended == FINISHED:
-            return f"finished in {self.duration:.2f} s, {metres(self.maximum)} m from the path at most"
         later = "" if self.rms_after_2s is None else f", {metres(self.rms_after_2s)} m after 2 s"
         return f"{metres(self.rms)} m r.m.s. over {self.duration:g} s{later}, {metres(self.maximum)} m at most"
 
@@ -124,9 +116,7 @@ class StandardScore(NamedTuple):
         return cls(**{name: Score.of(values[name]) for name in LAPS})
 
     def __str__(self) -> str:
-        """In one line: each lap's name and `str`; a race's alone."""
-        if self.swing == self.plain:
-            return f"race: {self.swing}"
+        """In one line: each lap's name and `str`."""
         return "; ".join(f"{name} lap: {lap}" for name, lap in self._asdict().items())
 
 
@@ -141,16 +131,15 @@ def rank(scores: Iterable[StandardScore]) -> tuple[int, float]:
     return early, float(np.mean([lap.rank[1] for lap in laps if lap.complete == (early == 0)]))
 
 
-def score(run: Trajectory, complete: str = COMPLETE) -> Score:
+def score(run: Trajectory) -> Score:
     """Compute the figures of a policy's run.
 
     Args:
         run: result of `flexarm_env.rollout.run_policy`.
-        complete: how it ends if it is not lost; `FINISHED` for a race.
     """
     ended = str(run.notes.get("ended"))
     figures = figures_so_far(run)
-    errors = {name: getattr(figures, name) if ended == complete else None for name in _ERRORS}
+    errors = {name: getattr(figures, name) if ended == COMPLETE else None for name in _ERRORS}
     rewards = run.reward if run.reward is not None else np.zeros(1)
     return Score(
         ended=ended,
@@ -165,16 +154,13 @@ def score(run: Trajectory, complete: str = COMPLETE) -> Score:
 
 
 def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> StandardScore:
-    """Score both standard laps, with deterministic actions; of a race, which has its own start, that one twice.
+    """Score both standard laps, with deterministic actions.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
         policy: as `run_policy` takes it.
         seed: seed of what is random in the environment, for each lap.
     """
-    if env.unwrapped.settings.mode.races:  # type: ignore[attr-defined]
-        race = score(run_policy(env, policy, seed=seed), FINISHED)
-        return StandardScore(race, race)
     return StandardScore(**{name: score(run_policy(env, policy, seed=seed, lap=name)) for name in LAPS})
 
 

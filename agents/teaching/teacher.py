@@ -6,6 +6,7 @@ Its plans are for a box of plants: each standard lap, optimised for a grid of pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_agents.environments import make_one
 from flexarm_agents.files import put
 from flexarm_agents.teaching.config import DAggerConfig
 from flexarm_baselines.optimal import (
@@ -26,6 +28,8 @@ from flexarm_baselines.optimal import (
     load_plan,
     optimise,
 )
+from flexarm_baselines.optimal.phases import plan_phases
+from flexarm_baselines.task import Task
 from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
@@ -38,8 +42,8 @@ Indices = NDArray[np.int64]
 WEIGHTS = RegulatorWeights(tip=0.03)  # softer than `GOOD`: a student imitates small gains better than large ones
 OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's plan; a hundredth of a millimetre is left
 TURN = 2.0 * np.pi
-NEEDED: dict[str, Any] = {"action_mode": "torque", "reference": ("square",), "direction": "clockwise"}
-NEEDED |= {"control_period": 0.01, "payload_changes": None, **IDEAL_MOTORS}
+NEEDED: dict[str, Any] = {"action_mode": "torque", **IDEAL_MOTORS}
+OF_LAPS = {"reference": ("square",), "direction": "clockwise", "control_period": 0.01}  # what needs the plans at hand
 
 
 class Pupils(NamedTuple):
@@ -63,14 +67,21 @@ class Teacher:
 
     @classmethod
     def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
-        """Make a teacher for an environment of standard laps, with a grid over what it draws."""
-        for name, value in NEEDED.items():
-            if getattr(settings, name) != value:
-                raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
+        """Make a teacher for an environment of standard laps, with a grid over what it draws.
+
+        Where the payload changes within the lap, any single reference will do; such plans are made anew each time.
+        """
         payloads, stiffnesses = (
             np.unique(np.linspace(*settings.range_of(name), count)).tolist()
             for name, count in zip(("payload_mass", "stiffness"), config.plants, strict=True)
         )
+        carrying = settings.payload_changes is not None
+        for name, value in (NEEDED if carrying else NEEDED | OF_LAPS).items():
+            if getattr(settings, name) != value:
+                raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
+        if carrying:
+            plans = carrying_bank(config, payloads, stiffnesses)
+            return cls(plans, settings.motor_limit, settings.control_period)
         wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
         plans = bank(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
         return cls(plans, settings.motor_limit, settings.control_period)
@@ -126,6 +137,15 @@ class Bank(NamedTuple):
     torques: Floats  # [N m]. Shape (2, p, s, n, 2)
     gains: Floats  # of feedback on the state's deviation [N m/x]. Shape (2, p, s, n, 2, 4 + 4 m)
 
+    @classmethod
+    def of(cls, plans: Sequence[Plan], payloads: Sequence[float], stiffnesses: Sequence[float]) -> Bank:
+        """Stack plans, which come by lap, payload and stiffness, with their regulators."""
+        gains = [PlanRegulator(plan, WEIGHTS).gains for plan in plans]
+        columns = [plan.states for plan in plans], [plan.torques for plan in plans], gains
+        shape = (len(LAPS), len(payloads), len(stiffnesses))
+        stacked = (np.stack(column).reshape(*shape, *column[0].shape) for column in columns)
+        return cls(np.array(payloads), np.array(stiffnesses), *stacked)
+
 
 def bank(
     arm: ArmParameters, payloads: Sequence[float], stiffnesses: Sequence[float], folder: Path, wishes: Mapping[str, Any]
@@ -146,19 +166,20 @@ def bank(
         problem = lap_problem(FlexibleArm(plant(arm, payloads[p], stiffnesses[s])), lap, **wishes)
         neighbour = made.get((lap, p - 1, s)) or made.get((lap, p, s - 1)) or load_plan(f"default_{lap}")
         made[lap, p, s] = _read(path, problem, wishes) or _make(path, problem, neighbour)
-    plans = list(made.values())
-    grid = (len(LAPS), len(payloads), len(stiffnesses))
+    return Bank.of(list(made.values()), payloads, stiffnesses)
 
-    def stack(arrays: list[Floats]) -> Floats:
-        return np.stack(arrays).reshape(*grid, *arrays[0].shape)
 
-    return Bank(
-        np.array(payloads),
-        np.array(stiffnesses),
-        stack([plan.states for plan in plans]),
-        stack([plan.torques for plan in plans]),
-        stack([PlanRegulator(plan, WEIGHTS).gains for plan in plans]),
-    )
+def carrying_bank(config: DAggerConfig, payloads: Sequence[float], stiffnesses: Sequence[float]) -> Bank:
+    """Make plans for an environment whose payload changes within the lap; arguments as of `bank`."""
+    with closing(make_one(config.environment, config.options | {"frame": "world"})) as env:
+        task = Task.of(env)
+    assert task.payloads is not None
+    own = task.reference, task.payloads
+    plans = [
+        plan_phases(plant(task.arm, p, s), *own, lap.elbow_branch, task.period, task.torque_limit)
+        for lap, p, s in product(LAPS.values(), payloads, stiffnesses)
+    ]
+    return Bank.of(plans, payloads, stiffnesses)
 
 
 def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters:

@@ -18,7 +18,8 @@ from stable_baselines3.common.logger import Logger, configure
 from tqdm import tqdm
 
 from flexarm_agents.environments import make_one
-from flexarm_agents.evaluation.scoring import FINISHED, StandardScore, evaluate, rank
+from flexarm_agents.evaluation.races import FINISHED, evaluate
+from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
 from flexarm_agents.policies.network import NetworkPolicy
@@ -214,7 +215,7 @@ class TrainingLoop:
         training, found, config = self._training, self._training.progress, self._training.config
         policy = training.policy()
         scores = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(config.evaluation_laps)]
-        worst = StandardScore(*(max(laps, key=lambda lap: lap.rank) for laps in zip(*scores, strict=True)))
+        worst = type(scores[0])(*(max(laps, key=lambda lap: lap.rank) for laps in zip(*scores, strict=True)))
         row = {"steps": training.steps, "seconds": round(found.seconds, 2), **worst.as_mapping()}
         found.rows.append(row)
         for lap, figures in worst.as_mapping().items():

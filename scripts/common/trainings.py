@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import DAggerConfig, StandardScore, evaluate, load_policy
+from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
 from flexarm_agents.training.config import RunConfig
@@ -33,9 +34,9 @@ def trained(config: RunConfig, folder: Path) -> Training:
     outcome = carried_out(config, folder)
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
-    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, StandardScore.of(outcome.best)):
+    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, read_score(outcome.best)):
         raise ValueError(
-            f"folder = {folder}: its best policy scored {StandardScore.of(outcome.best)}, and now {again}; another "
+            f"folder = {folder}: its best policy scored {read_score(outcome.best)}, and now {again}; another "
             "version trained it, so remove the folder"
         )
     return Training(config, folder, outcome.best)

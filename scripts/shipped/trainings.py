@@ -7,21 +7,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import Spread, StandardScore, load_policy
+from flexarm_agents import Spread, load_policy
+from flexarm_agents.evaluation.races import RaceScores, read_score
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import put, write_json
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.trainings import Training
 
-RULE = "the median of {count} trainings that differ in their seeds, by the mean r.m.s. of both laps"
+RULE = "the median of {count} trainings that differ in their seeds, by {figure}"
 
 
 def median(trainings: Sequence[Training]) -> Training:
     """Return the training, of an odd number, whose best policy is in the middle by `scoring.rank`."""
     if len(trainings) % 2 == 0:
         raise ValueError(f"trainings: must be an odd number, so that one is in the middle; got {len(trainings)}")
-    ranked = sorted(trainings, key=lambda one: rank([StandardScore.of(one.best)]))
+    ranked = sorted(trainings, key=lambda one: rank([read_score(one.best)]))
     return ranked[len(ranked) // 2]
 
 
@@ -40,7 +41,7 @@ def export(
         **policy.notes,
         "observes": {block: part.stop - part.start for block, part in blocks.items()},
         "spread": _spread(trainings),
-        "choice": RULE.format(count=len(trainings)),
+        "choice": RULE.format(count=len(trainings), figure=_figures(trainings)[0]),
         "trainings": [
             {"seed": one.config.seed, **one.best, **({"board": boards[n]} if boards else {})}
             for n, one in enumerate(trainings)
@@ -49,13 +50,20 @@ def export(
     write_json(policies / f"{name}.json", card)
 
 
+def _figures(trainings: Sequence[Training]) -> tuple[str, tuple[str, ...]]:
+    """Return by what trainings are compared, and the figures of a lap that a card has."""
+    if isinstance(read_score(trainings[0].best), RaceScores):
+        return "the time of the race", ("duration",)
+    return "the mean r.m.s. of both laps", ("rms", "rms_after_2s")
+
+
 def _spread(trainings: Sequence[Training]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """Return median, interquartile mean and worst of the laps' errors [m], each by itself; None where lost."""
-    scores = [StandardScore.of(one.best) for one in trainings]
+    """Return median, interquartile mean and worst of each lap's errors [m], or a race's time [s]; None where lost."""
+    scores = [read_score(one.best) for one in trainings]
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for lap in LAPS:
         laps = [getattr(score, lap) for score in scores]
-        spreads = {figure: Spread.of(getattr(one, figure) for one in laps) for figure in ("rms", "rms_after_2s")}
+        spreads = {figure: Spread.of(getattr(one, figure) for one in laps) for figure in _figures(trainings)[1]}
         found[lap] = {
             figure: {what: getattr(spread, what) for what in ("median", "interquartile_mean", "worst")}
             for figure, spread in spreads.items()

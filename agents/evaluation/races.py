@@ -1,0 +1,62 @@
+"""The score of a policy on its environment: of both standard laps, or of a race, which counts by its time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+
+from flexarm_agents.evaluation import scoring
+from flexarm_agents.evaluation.scoring import Score, StandardScore, score
+from flexarm_env.laps import LAPS
+from flexarm_env.rollout import run_policy
+
+FINISHED = "finished"  # how a race ends whose laps are done
+
+
+class RaceScore(Score):
+    """Figures of a race: one that was finished counts by its duration, to the control period; it has no errors."""
+
+    @property
+    def complete(self) -> bool:
+        """The race was finished."""
+        return self.ended == FINISHED
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Smaller is better: finished races by their duration, before all that were not, the longest first."""
+        return (False, self.duration) if self.complete else (True, -self.duration)
+
+    def __str__(self) -> str:
+        """In one line: the time of the race, or when and why it was lost."""
+        return f"race finished in {self.duration:.2f} s" if self.complete else super().__str__()
+
+
+class RaceScores(StandardScore):
+    """The score of a race, in the places of both laps."""
+
+    def __str__(self) -> str:
+        """In one line: that of the race."""
+        return str(self.plain)
+
+
+def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> StandardScore:
+    """Score both standard laps, with deterministic actions; of a race, which has its own start, that one twice.
+
+    Args:
+        env: a `FlexArmEnv`, wrapped or not.
+        policy: as `run_policy` takes it.
+        seed: seed of what is random in the environment, for each lap.
+    """
+    if not env.unwrapped.settings.mode.races:  # type: ignore[attr-defined]
+        return scoring.evaluate(env, policy, seed)
+    race = RaceScore(*score(run_policy(env, policy, seed=seed)))
+    return RaceScores(race, race)
+
+
+def read_score(values: Mapping[str, Any]) -> StandardScore:
+    """Read what `StandardScore.as_mapping` gave of laps or a race, with or without more."""
+    if values["plain"]["ended"] != FINISHED:
+        return StandardScore.of(values)
+    return RaceScores(*(RaceScore.of(values[name]) for name in LAPS))
