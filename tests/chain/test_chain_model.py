@@ -65,11 +65,6 @@ def test_motors_turn_their_joints() -> None:
         assert data.joint(("shoulder", "elbow")[motor]).qvel[0] > 0.0
 
 
-def test_dry_friction_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"coulomb_friction.*no dry friction"):
-        chain.chain_model(10, ArmParameters(coulomb_friction=(1.0, 0.0)))
-
-
 def test_material_damping_and_friction_are_in_the_hinges() -> None:
     arm = ArmParameters.linear(damping_ratio=0.02, damping_model="material", joint_friction=(0.5, 0.25))
     model = chain.chain_model(10, arm)
@@ -98,9 +93,13 @@ def test_fastest_rate(damping: float) -> None:
     assert chain.fastest_rate(model) == pytest.approx(np.abs(np.linalg.eigvals(rates)).max(), rel=1e-6)
 
 
-def test_less_than_two_segments_are_refused() -> None:
+def test_refusals() -> None:
     with pytest.raises(ValueError, match="segments = 1: must be"):
         chain.chain_model(1)
+    with pytest.raises(ValueError, match=r"coulomb_friction.*no dry friction"):
+        chain.chain_model(10, ArmParameters(coulomb_friction=(1.0, 0.0)))
+    with pytest.raises(ValueError, match="take more than 1000 steps in"):
+        chain.stable_steps(chain.chain_model(60, ArmParameters(damping_ratio=0.0)), 0.1, 1e-2)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.005, 0.01])
@@ -111,9 +110,3 @@ def test_steps_are_the_fewest_that_are_stable_with_a_tenth_to_spare(segments: in
     count = chain.stable_steps(model, time, longest)
     assert chain.growth(model, 1.1 * time / count) <= growing
     assert count == 4 or chain.growth(model, 1.1 * time / (count - 1)) > growing
-
-
-def test_too_many_steps_are_refused() -> None:
-    model = chain.chain_model(60, ArmParameters(damping_ratio=0.0))
-    with pytest.raises(ValueError, match="take more than 1000 steps in"):
-        chain.stable_steps(model, 0.1, 1e-2)

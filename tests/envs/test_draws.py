@@ -55,6 +55,8 @@ MOTORS: dict[str, Any] = {
     "stribeck_velocity": (0.3, 0.5),
     "friction_smoothing": (0.8, 1.0),
 }
+DISTURBANCES: dict[str, Any] = {"pulse_force": ((0.0, 50.0),) * 2, "pulse_time": (0.0, 0.05)}
+DISTURBANCES |= {"gauge_drift": ((-0.1, 0.1),) * 2}
 PATH: dict[str, Any] = {"side": (10.0, 12.6), "lap_time": ("choice", [8.0, 16.0])}
 EITHER: dict[str, Any] = {"reference": ("square", "circle"), "direction": "either"}
 OF_KERNELS: dict[str, Any] = {"delay": (0.02, 0.06), "noise": (0.01, 0.02), "actuation_delay": (0.0, 0.03)}
@@ -126,6 +128,7 @@ def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> N
         (SQUARE, ARM, {"elbow_branch": "either"}),
         (SQUARE, SENSORS, {"noise": 0.01, "observation": WITHOUT_ERRORS}),
         (SQUARE, OF_KERNELS, {"observation": WITHOUT_ERRORS}),
+        (SQUARE, DISTURBANCES, {"pulse_duration": 0.02, "outage_duration": 0.05}),
         (SQUARE, TORQUES | MOTORS, {}),
         (RESIDUAL, INNER_LAW, {}),
         (SQUARE, PATH, EITHER | {"observation": ("previews", "lap_phase", "sensor_error", "reference_velocity")}),

@@ -13,7 +13,6 @@ from flexarm_env.envs.info import Episode
 from flexarm_env.envs.reset_options import DRAWN
 from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import SQUARE, make, vector
-from tests.support.refusals import refuses
 
 RANDOM_EPISODES: dict[str, Any] = {
     "randomisation": {"payload_mass": (0.0, 0.5), "delay": (0.01, 0.05)},
@@ -34,13 +33,6 @@ def test_the_episode_is_described_by_a_copy() -> None:
         batch.step(np.zeros((4, 2), np.float32))
     assert pickle.dumps(described) == before
     assert (batch.episode.parameters["payload_mass"] != described.parameters["payload_mass"]).all()
-
-
-def test_before_the_first_reset_there_is_no_episode() -> None:
-    for env in (FlexArmEnv(), gym.make_vec(SQUARE, num_envs=2)):
-        assert not hasattr(env, "episode")
-        with refuses(AttributeError, "episode", "reset()"):
-            _ = env.episode  # type: ignore[union-attr]
 
 
 def test_stable_baselines3_reads_each_environments_own() -> None:

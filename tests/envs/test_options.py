@@ -36,15 +36,9 @@ MESSAGES = [
     refused(r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le", {"arm": {"mass": 1.0}}),
     refused(r"modes_per_link = 5: must be an integer from 1 to 4", {"arm": {"modes_per_link": 5}}),
     refused(r"arm = 'new': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": {"preset": "new"}}),
-    refused(r"torque_rate_limit\[0\] = 0\.0: must be", {"action_mode": "torque_rate", "torque_rate_limit": (0.0, 1.0)}),
     refused(r"payload_changes = \(\(0\.1, 1\.0\),\): must be two changes at least", {"payload_changes": ((0.1, 1.0),)}),
     refused(r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619", {"physics_step": 0.02}),
     refused(r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed", {"physics_step": 0.1}, PAPER),
-    refused(
-        r"shift_limit\[1\] = 4\.0: must be .* >= 1e-06 and <= 3\.14\d* \[rad\]",
-        {"action_mode": "reference", "shift_limit": (0.1, 4.0)},
-        RESIDUAL,
-    ),
     refused(r"compensation = 'shared': .* must be 'none'", {"sensor": "collocated", "compensation": "shared"}, PAPER),
     refused(
         r"compensation = 'shared': has no effect here; only with feedback_source = 'sensor'",
@@ -106,12 +100,7 @@ MESSAGES = [
     refused(r"reward = 1\.0: must be a function", {"reward": 1.0}, error=TypeError),
     refused(r"termination = True: must be a function", {"termination": True}, error=TypeError),
     refused(r"physics_step = 1e-09 s: 1e\+07 integration steps .*at most 20000 are", {"physics_step": 1e-9}),
-    refused(r"payload_inertia = 1e\+30: must be .* \[kg m\^2\]", {"arm": {"payload_inertia": 1e30}}),
-    refused(r"mode_scale = 1e-300: must be .* >= 0.001", {"arm": {"mode_scale": 1e-300}}),
-    refused(r"payload_mass = 1e\+300: must be .* \[kg\]", {"arm": {"payload_mass": 1e300}}),
-    refused(r"joint_friction\[0\] = 1e\+300: must be", {"arm": {"joint_friction": (1e300, 0)}}),
     refused(r"arm = .*friction.*rad/s.* integration steps in con", {"arm": {"joint_friction": (1e6, 1e6)}}),
-    refused(r"masses_per_length\[0\] = 1e-12: must be .* >= 1", {"arm": {"masses_per_length": (1e-12, 1)}}),
     refused(r"arm: its masses and inertias lie too far apart .*payload_inertia = 1000", {"arm": MISMATCHED}),
     refused(r"inner_damping: its fastest pole .* integration st", {"inner_damping": (1e9, 1e9)}, RESIDUAL),
     refused(r"delay = 10\.0 s, .* readings to keep, .*at most 2000000", {"delay": 10.0, "physics_step": 1e-6}),
@@ -137,8 +126,6 @@ MESSAGES = [
     refused(r"second_sensor_delay = 0\.1: has no .*second_sensor_link", {"second_sensor_delay": 0.1}),
     refused(r"second_sensor_noise = 0\.1: has no .*second_sensor_link", {"second_sensor_noise": 0.1}),
     refused(r"second_sensor_position = 4\.6 m: .*link 1, .*4\.5", ON_LINK_1 | {"second_sensor_position": 4.6}),
-    refused(r"second_sensor_delay = 10\.1: must be .* <= 10", ON_LINK_1 | {"second_sensor_delay": 10.1}),
-    refused(r"second_sensor_noise = -1\.0: must be .* >= 0", ON_LINK_1 | {"second_sensor_noise": -1.0}),
     refused(
         r"observation block 'second_sensor_error': there is no second sensor; give second_sensor_link",
         {"observation": ["second_sensor_error"]},
@@ -153,7 +140,6 @@ MESSAGES = [
         r"torque_limit = <memory at .*: must be a pair of numbers", {"torque_limit": memoryview(b"ab")}, error=TypeError
     ),
     refused(r"sensor = array\(\[0\.1, 0\.1\]\): must be one of 'collo", {"sensor": np.array([0.1, 0.1])}),
-    refused(r"\['effort'\] = 1e\+308: must be .* <= 1000000000000", {"reward_weights": {"effort": 1e308}}),
     refused(r"render_mode = 'ansi': must be one of 'rgb_array', 'human'", {"render_mode": "ansi"}),
     refused(
         r"FlexArmEnv\.__init__\(\) got an unexpected keyword argument 'wind'; see help\(FlexArmEnv\)",

@@ -1,5 +1,6 @@
 """States: what is set to one goes on to the same bits, alone or among others; other states are refused."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -167,13 +168,20 @@ def test_rows_are_indices(rows: Any) -> None:
             call(rows)
 
 
-def test_before_the_first_reset_there_is_no_state() -> None:
-    state = np.zeros(3, np.uint64)
-    for env in (FlexArmEnv(), FlexArmVectorEnv(2)):
-        with refuses(RuntimeError, "get_state() before reset()"):
-            env.get_state()
-        with refuses(RuntimeError, "set_state() before reset()"):
-            env.set_state(state)
+@pytest.mark.parametrize(
+    "made", [partial(FlexArmEnv, render_mode="rgb_array"), partial(FlexArmVectorEnv, 2)], ids=label
+)
+def test_what_needs_a_reset_first(made: Any) -> None:
+    env = made()
+    assert not hasattr(env, "episode")
+    with refuses(AttributeError, "episode", "reset()"):
+        _ = env.episode
+    action = np.zeros(env.action_space.shape, np.float32)
+    calls = {"get_state": (), "set_state": (np.zeros(3, np.uint64),), "step": (action,), "render": ()}
+    for name, given in calls.items():
+        if name != "render" or env.render_mode:
+            with refuses(RuntimeError, f"{name}() before reset()"):
+                getattr(env, name)(*given)
 
 
 def test_another_generator_is_refused() -> None:

@@ -103,19 +103,13 @@ def test_resets_that_cannot_be() -> None:
     for seed, words in BAD_SEEDS:
         with refuses(ValueError if "-1" in words else TypeError, f"{words}: must be an integer >= 0"):
             env.reset(seed=seed)
-    with refuses(RuntimeError, "step() before reset()"):
-        env.step(np.zeros((3, 2), np.float32))
     twin = begun(vector)
     env.reset(seed=0)
     with refused_unmoved(env, twin, ValueError, "seed[2] = -1"):
         env.reset(seed=[7, 8, -1])
 
 
-def test_calls_of_one_environment_that_cannot_be() -> None:
-    with refuses(RuntimeError, "step() before reset()"):
-        FlexArmEnv().step(np.zeros(2, np.float32))
-    with refuses(RuntimeError, "render() before reset()"):
-        FlexArmEnv(render_mode="rgb_array").render()
+def test_an_action_that_is_no_gain_has_no_limit_of_it() -> None:
     with refuses(AttributeError, "gain_limit: the action is 'torque', not the gain"):
         _ = FlexArmEnv().gain_limit
 

@@ -16,7 +16,6 @@ from flexarm_env.episode.disturbances import push_tips
 from flexarm_env.kernels.variants import block_at
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.simulation.arm import FlexibleArm
-from tests.support.envs import bare
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
@@ -126,15 +125,6 @@ def test_gauges_drift_and_the_state_does_not() -> None:
         state, drift = env.block("state"), np.array([0.5, 0.0, -0.25, 0.0])
         np.testing.assert_allclose(env.block("modal_coordinates"), state[2:6] + 0.01 * n * drift, atol=1e-6)
         np.testing.assert_allclose(env.block("modal_rates"), state[8:12] + drift, atol=1e-5)
-
-
-def test_their_numbers_are_drawn() -> None:
-    """Also from 0 on, where nothing happens."""
-    drawn = {"pulse_force": ((0.0, 50.0),) * 2, "pulse_time": (0.0, 0.05), "gauge_drift": ((-0.1, 0.1),) * 2}
-    env = bare(randomisation=drawn, pulse_duration=0.02, outage_duration=0.05)
-    found = env.episode.parameters
-    assert 0.0 < min(found["pulse_force"]) < max(found["pulse_force"]) < 50.0
-    assert 0.0 < found["pulse_time"] < 0.05
 
 
 def test_what_has_no_effect_or_does_not_fit_is_refused() -> None:

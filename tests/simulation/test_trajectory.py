@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm, Trajectory
+from flexarm_env import FlexibleArm, Trajectory
 from tests.support.lagrange import loaded_arm, random_state
 from tests.support.refusals import refuses
 
-
-@pytest.fixture(scope="module")
-def default() -> FlexibleArm:
-    return FlexibleArm(ArmParameters.linear())
+EXTRA = {"reference": np.ones((6, 2)), "sensed": np.zeros((6, 2)), "gain": np.arange(6.0), "reward": np.ones(6)}
 
 
-def test_a_run_survives_saving(tmp_path: Path) -> None:
+@pytest.mark.parametrize("extra", [{}, EXTRA], ids=["simulated", "a policy's"])
+def test_a_run_survives_saving(tmp_path: Path, extra: dict[str, Any]) -> None:
     arm = FlexibleArm(loaded_arm(2))
     run = arm.simulate(random_state(arm.parameters, 2, 0.1, 0.5), np.ones((5, 2)), 0.05, step=0.01, substeps="auto")
+    if extra:
+        run = arm.record(run.time, run.state, run.torque, **extra)
+        assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
     run.notes["case"] = {"name": "doublet", "gains": [1, 2.5], "ended": None}
     run.save(tmp_path / "run.npz")
     again = Trajectory.load(tmp_path / "run.npz")
@@ -30,16 +31,6 @@ def test_a_run_survives_saving(tmp_path: Path) -> None:
     for name, array in run.arrays().items():
         np.testing.assert_array_equal(again.arrays()[name], array, strict=True)
     FlexibleArm(again.parameters)  # of the right types, down to the tuples
-
-
-def test_a_policys_run_survives_saving(default: FlexibleArm, tmp_path: Path) -> None:
-    extra = {"reference": np.ones((3, 2)), "sensed": np.zeros((3, 2)), "gain": np.arange(3.0), "reward": np.ones(3)}
-    run = default.record(0.1 * np.arange(3), np.zeros((3, 12)), np.zeros((3, 2)), **extra)
-    run.save(tmp_path / "run.npz")
-    again = Trajectory.load(tmp_path / "run.npz")
-    for name, array in extra.items():
-        np.testing.assert_array_equal(getattr(again, name), array)
-    assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
 
 
 def npz(**arrays: Any) -> bytes:
