@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
 from flexarm_env.control import jacobian_transpose as package_law
 from flexarm_env.physics.modal_elimination import elimination
-from tests.support.oracle import PAPER, Problem, mass_and_forces, oracle_arm, oracle_law, torque
-
-Array = NDArray[np.float64]
+from tests.support.oracle import PAPER, Array, Problem, mass_and_forces, oracle_arm, oracle_law, torque
 
 
 def law_data(problem: Problem, arm: FlexibleArm, command: Array, late: tuple[Any, ...]) -> package_law.Law:

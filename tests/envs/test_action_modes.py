@@ -12,10 +12,8 @@ from scipy.interpolate import CubicHermiteSpline
 from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, TORQUE_LIMITS, bare, block, exact_actions
+from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, TORQUE_LIMITS, Array, bare, block, exact_actions
 from tests.support.plain import KERNELS
-
-Array = NDArray[np.float64]
 
 
 def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Array]:

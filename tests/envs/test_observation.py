@@ -4,16 +4,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.inverse_kinematics import elbow_side
 from flexarm_env.physics.paths import ReferencePath
-from tests.support.envs import EVERYWHERE, GAIN, PAPER, RESIDUAL, SQUARE, bare, block
+from tests.support.envs import EVERYWHERE, GAIN, PAPER, RESIDUAL, SQUARE, Array, bare, block
 
-Array = NDArray[np.float64]
 STEPS = 40
 ALL: dict[str, Any] = {"observation": EVERYWHERE, "error_limit": None, "deflection_limit": None}
 FINE = ALL | {"physics_step": 1e-3}

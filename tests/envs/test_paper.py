@@ -4,13 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import PAPER, bare, block
+from tests.support.envs import PAPER, Array, bare, block
 
-Array = NDArray[np.float64]
 STEPS = 60
 
 

@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env.envs.info import InfoMaker
+from tests.support.envs import Array
 from tests.support.plain import PlainEnvironment
 
-Array = NDArray[np.float64]
 IMU: dict[str, Any] = {
     "arm": {"modes_per_link": 1},
     "observation": ["accelerometer", "gyro"],

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
 from tests.support.loops import END_EFFECTOR, NEAR_ELBOW, PER_JOINT, SHARED, arm_of, assert_accurate, simulated
-from tests.support.oracle import COLLOCATED, PAPER, PERIOD, Problem, oracle, square_at
+from tests.support.oracle import COLLOCATED, PAPER, PERIOD, Array, Problem, oracle, square_at
 from tests.support.refusals import label
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.compiled
 
 

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from flexarm_env import ArmParameters, FlexibleArm, SensorParameters
-from tests.support.oracle import PAPER, Problem, mass_and_forces, oracle, oracle_arm, oracle_law, state_rate
-
-Array = NDArray[np.float64]
+from tests.support.oracle import PAPER, Array, Problem, mass_and_forces, oracle, oracle_arm, oracle_law, state_rate
 
 
 @pytest.mark.parametrize("complete", [True, False])

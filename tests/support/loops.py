@@ -4,16 +4,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexarm_env import ArmParameters, LawParameters, SensorParameters
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import PAPER
+from tests.support.envs import PAPER, Array
 from tests.support.oracle import CORNER, Problem, oracle
 
-Array = NDArray[np.float64]
 END_EFFECTOR, NEAR_ELBOW = SensorParameters(), SensorParameters(position=0.5)
 SHARED, PER_JOINT = LawParameters(compensation="shared"), LawParameters(compensation="per_joint")
 NEARBY = 1e-12  # [m]; a path needs two points, and one so short, travelled within a day, is a point

@@ -4,15 +4,13 @@ from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.chain.gauges import PLACES, filters
 from flexarm_env.chain.links import Chain
 from flexarm_env.chain.model import chain_model, frequencies
-from tests.validation.motion import HELD, MODEL_ANGLE, Motion, Programme, fixed_point
+from tests.validation.motion import HELD, MODEL_ANGLE, Array, Motion, Programme, fixed_point
 
-Array = NDArray[np.float64]
 # Step times the fastest rate. Runge-Kutta's classical method is stable up to 2.83, but near that takes the fastest
 # vibrations away, which moves the chain's tip by 1 mm after torque jumps; at half of 2.5 it is 0.1 mm at most.
 CHAIN_ANGLE = 1.25

@@ -16,12 +16,10 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters
-from tests.validation.motion import HELD, Motion, Programme
+from tests.validation.motion import HELD, Array, Motion, Programme
 
-Array = NDArray[np.float64]
 AXIAL_STIFFNESS = 1e7  # EA [N]; 100 N of inertia forces stretch 4.5 m by 0.05 mm
 SPECTRAL_RADIUS = 0.95  # of generalised-alpha: 1 damps nothing, 0 all that is fast
 RESIDUAL = 1e-4  # [N], of Newton's method

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Four
 from flexarm_env.envs.drawing import Drawing, drawing_of
@@ -14,9 +13,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.coordinates import rigid_tip
 from flexarm_env.physics.sensing import Truth
 from tests.validation.arms import Gauges, Plant
-from tests.validation.motion import HELD
-
-Array = NDArray[np.float64]
+from tests.validation.motion import HELD, Array
 
 
 class AnyArm:

@@ -25,9 +25,8 @@ from scripts.common.plotting import WIDTH, headline, label_ends, plain_ticks, ru
 from tests.validation.arms import EngineChain, Gauges, Modal, Plant
 from tests.validation.hosted import HostedEnv
 from tests.validation.kept import kept
-from tests.validation.motion import HELD, apart, rms
+from tests.validation.motion import HELD, Array, apart, rms
 
-Array = NDArray[np.float64]
 PERIODS = 10  # `HELD` in a control period of 100 Hz
 SECONDS = 16.0  # of a lap
 ERROR_LIMIT = 2.5  # [m], that of the environments

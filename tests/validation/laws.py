@@ -5,7 +5,6 @@ from collections.abc import Callable
 import gymnasium
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_baselines.paper_law.flsac import REFERENCE_DEFLECTION
@@ -22,9 +21,8 @@ from flexarm_env import (
 from flexarm_env.chain.law import Pair, TipLaw
 from tests.validation.arms import EngineChain
 from tests.validation.kept import kept
-from tests.validation.motion import HELD
+from tests.validation.motion import HELD, Array
 
-Array = NDArray[np.float64]
 ANGLE = 1.8  # step times the chain's fastest rate; semi-implicit Euler allows 2
 
 

@@ -5,7 +5,6 @@ from functools import cache
 import gymnasium
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_agents.board.entries import Entry
 from flexarm_env.extras import install_command
@@ -34,11 +33,10 @@ from tests.validation.laps import (
     over_time,
     run_lap,
 )
-from tests.validation.motion import apart, rms
+from tests.validation.motion import Array, apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 # Controllers of the board within 60 mm on the swing lap that read sensors, by their names there; `test_plant` has
 # another one, the student of unknown arms.
 OTHERS = ("lqg_adaptive", "nmpc", "lqg", "student", "lqg_gauges", "student_gauges")

@@ -10,18 +10,16 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, number_ticks
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.motion import Model
+from tests.validation.motion import Array, Model
 from tests.validation.small_motion import rate
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 
 DURATION = 600.0  # simulated time [s]
 RECORDED = 0.1  # [s]

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.extras import install_command
@@ -44,7 +43,6 @@ from tests.validation.motion import HELD
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 CONTROLLERS = (*AGENTS, GENTLY, AGGRESSIVELY)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}

@@ -9,16 +9,14 @@ from functools import cache
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from scripts.common.plotting import COLOURS, WIDTH, headline, running_rms
 from tests.validation import recorded
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.motion import HELD, Model, Motion, apart, model_motion, rms
+from tests.validation.motion import HELD, Array, Model, Motion, apart, model_motion, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 BEST = Model("foreshortened", 4, "polynomial")
 MODELS = (Model("linear", 2), Model("foreshortened", 2), Model("foreshortened", 3, "polynomial"), BEST)
 SMOOTH = recorded.DOUBLED

@@ -5,13 +5,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE, SOFT, THRESHOLD, WIDTH, headline, running_rms
 from tests.validation.engine.study import AMPLITUDES, FINEST, KICKS, NAMES, SMALLEST, SPINS, case, spinning
-from tests.validation.motion import DEFAULT, HELD, MODELS, PROGRAMMES, Model
+from tests.validation.motion import DEFAULT, HELD, MODELS, PROGRAMMES, Array, Model
 
-Array = NDArray[np.float64]
 TITLES = {programme.name: programme.title for programme in PROGRAMMES}
 WINDOW = 100  # instants of 1 ms
 LINES = {  # the models that are drawn over time

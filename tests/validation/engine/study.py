@@ -10,7 +10,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm
 from tests.validation.arms import chain_motion
@@ -18,6 +17,7 @@ from tests.validation.kept import kept
 from tests.validation.motion import (
     MODELS,
     PROGRAMMES,
+    Array,
     Model,
     Motion,
     Programme,
@@ -27,7 +27,6 @@ from tests.validation.motion import (
     rms,
 )
 
-Array = NDArray[np.float64]
 SMALLEST = 0.125
 AMPLITUDES = (SMALLEST, 0.25, 0.5, 1.0, 2.0, 4.0)
 FINEST = (20, 40)  # elements of the reference at amplitude 1; at the others half as many

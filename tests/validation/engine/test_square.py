@@ -9,7 +9,6 @@ from functools import cache
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters
 from flexarm_env.extras import install_command
@@ -21,11 +20,10 @@ from tests.validation import laws
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.engine.pictures import LINES, smoothed
 from tests.validation.laps import Lap, away
-from tests.validation.motion import HELD, Model, apart, rms
+from tests.validation.motion import HELD, Array, Model, apart, rms
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 MODELS = (
     Model("linear", 1),
     Model("linear", 2),
