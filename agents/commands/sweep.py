@@ -10,7 +10,7 @@ from typing import Any
 from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.summary import LIMIT, counted, kept, merged, point_summary, spans
+from flexarm_agents.board.summary import kept, merged, point_summary, spans
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import entry_of
 from flexarm_agents.commands.text import columns
@@ -18,9 +18,9 @@ from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice
 
 Summary = Mapping[str, Any]
-LEGEND = f"""\
-Means of the laps, swing / plain. A lost lap counts with {LIMIT:g} m in the errors of a lap; those of completed laps and
-after 2 s are without it. At the end, when the first lap was lost."""
+LEGEND = """\
+Errors of the laps, swing / plain: median and 90th percentile of all, of which a lost one is infinite; means of those
+completed, over the lap and after 2 s. At the end, when the first lap was lost."""
 
 
 def sweep(given: argparse.Namespace) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
     """Write a line for each point: how many laps were lost, and the errors."""
     unit = f" [{column.unit}]" if column.unit else ""
     values = ["all"] if column.sample else [_number(one.value) for one in column.points]
-    heads = ("lost", *(f"{lap} lap [m]" for lap in LAPS), "completed laps [m]", "after 2 s [m]", "")
+    heads = ("lost", "median [m]", "90 % [m]", "completed laps [m]", "after 2 s [m]", "")
     rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
     lines = f"{LEGEND}\n{columns([(f'{name}: {column.title.lower()}{unit}', *heads), *rows], right=True)}"
     if all(isinstance(point.value, float) for point in column.points):
@@ -74,16 +74,15 @@ def _cells(point: Summary | None) -> tuple[str, ...]:
         return *("-",) * 5, "" if point is None else f"not applicable: {point['not_applicable']}"
     laps = [point.get(lap, point.get("all")) for lap in LAPS]
     lost = " / ".join(f"{one['lost']} of {one['episodes']}" for one in laps)
-    errors = ["lost" if one["rms"] is None else f"{counted([one]):.3f}" for one in laps]
     first = min((one["first_loss"] for one in laps if one["lost"]), default=None)
     return (
         lost,
-        *errors,
-        _means(laps, "rms"),
-        _means(laps, "rms_after_2s"),
+        *(_errors(laps, "rms", what, "lost") for what in ("median", "p90")),
+        *(_errors(laps, figure, "mean", "-") for figure in ("rms", "rms_after_2s")),
         "" if first is None else f"at {first:.2f} s",
     )
 
 
-def _means(laps: Sequence[Summary], figure: str) -> str:
-    return " / ".join("-" if one[figure] is None else f"{one[figure]['mean']:.3f}" for one in laps)
+def _errors(laps: Sequence[Summary], figure: str, what: str, none: str) -> str:
+    values = [None if one[figure] is None else one[figure][what] for one in laps]
+    return " / ".join(none if value is None else f"{value:.3f}" for value in values)

@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from flexarm_agents.board.measure import PUBLISHED
-from flexarm_agents.board.summary import counted, loss, nominal_errors
+from flexarm_agents.board.summary import loss, nominal_errors
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, plain_ticks, write
 
@@ -139,7 +139,8 @@ def payload(path: Path) -> None:
         if row["name"] in LOADED:
             name, colour = row["name"].removeprefix("agent "), LOADED[row["name"]]
             points = [list(point.values()) for point in row["columns"]["payload"]["points"]]
-            errors = [1e3 * counted(laps) for laps in takewhile(lambda laps: not loss(laps), points)]
+            kept = takewhile(lambda laps: not loss(laps), points)
+            errors = [1e3 * float(np.mean([lap["rms"]["mean"] for lap in laps])) for laps in kept]
             axis.plot(values[: len(errors)], errors, "o-", color=colour, linewidth=1.8)
             if len(errors) == len(values):
                 ends[name, colour] = errors[-1]

@@ -25,7 +25,7 @@ from scripts.leaderboard.pictures import draw
 from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
-    "heat_map.png": "Share of laps that each entry loses in each column, or its error",
+    "columns.png": "Share of laps that each entry loses in each column, and the 90th percentile of its error",
     "pace.png": "Error over the lap time, of a few entries and of the best plans known",
 }
 TIMES = "times.json"

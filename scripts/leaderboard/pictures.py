@@ -2,88 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.colors import LogNorm
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.summary import LIMIT
-from flexarm_agents.board.tables import UNLIMITED, amount, ranked
+from flexarm_agents.board.tables import SHORT, on_square
 from scripts.common.plotting import COLOURS, INK, THRESHOLD, WIDTH, headline, number_ticks, save
 
 Board = Mapping[str, Any]
-SHORT = {"sensor_position": "Sensor position", "actuation_delay": "Motor delay", "jitter": "Delay jitter"}
-SHORT |= {"pace": "Lap times", "pace_unknown": "Lap times, unknown plant"}
+TITLES = {"sensor_position": "Sensor position", "actuation_delay": "Motor delay", "jitter": "Delay jitter"}
+TITLES |= {"pace": "Lap times", "pace_unknown": "Unknown, lap times"}
 PACE = {"pace": "Nominal arm", "pace_unknown": "16 unknown arms"}  # columns of lap times
-PACED = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent student_unknown", "shaped")  # entries that are drawn over them
-LINE = 0.27  # height of an entry [in]
+DRAWN = dict(zip(SHORT, COLOURS, strict=False))  # colours of the entries that are told apart
+OTHERS = {"color": "0.78", "linewidth": 1.0, "marker": "o", "markersize": 3}
+ERRORS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # ticks [mm]
+INFINITE = 8000.0  # where an infinite error is drawn [mm]
 
 
 def draw(board: Board, folder: Path) -> None:
     """Draw every picture for which the board has the columns."""
     folder.mkdir(parents=True, exist_ok=True)
-    if set(board["columns"]) > {"nominal"}:
-        heat_map(board, folder)
+    if len(names := compared(board)) > 1:
+        columns(names, board, folder)
     if set(PACE) <= set(board["columns"]):
         pace(board, folder)
 
 
-def _name(row: Mapping[str, Any]) -> str:
-    """Return a row's name, marked if it has no rank."""
-    marks = " *" * row["privileged"] + f" {UNLIMITED}" * (row["torque_limit"] is None)
-    return f"{row['name'].removeprefix('agent ')}{marks}"
+def compared(board: Board) -> list[str]:
+    """Return the names of the columns of errors, without the nominal one, that an entry of the square has whole."""
+    rows = [row["columns"] for row in board["rows"] if on_square(row)]
+    figures = {name: board["tasks"][column["tasks"][0]]["figures"] for name, column in board["columns"].items()}
+    names = [name for name in figures if "rms" in figures[name] and name != "nominal"]
+    return [name for name in names if any("whole" in row[name] for row in rows)]
 
 
-def _of(row: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return what a row has in a column."""
-    return row["columns"].get(name, {})
+def _look(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how the line of an entry with a colour looks, with its name."""
+    name = row["name"]
+    return {"color": DRAWN[name], "marker": "o", "markersize": 4, "zorder": 3, "label": name.removeprefix("agent ")}
 
 
-def heat_map(board: Board, folder: Path) -> None:
-    """Draw, for each row and column, the share of laps that are lost, or the error's 90th percentile if none is."""
-    rows = ranked(board)
-    axes = [name for name in board["columns"] if name != "nominal"]
-    names = [name for name in axes if any("whole" in _of(row, name) for row in rows)] or axes
-    figure, axis = plt.subplots(figsize=(WIDTH, 1.9 + LINE * len(rows)))
-    errors = np.full((len(rows), len(names)), np.nan)
-    for i, row in enumerate(rows):
-        for k, name in enumerate(names):
-            figures = board["tasks"][board["columns"][name]["tasks"][0]]["figures"]
-            errors[i, k], text = _along(_of(row, name).get("whole"), *next(iter(figures.items())))
-            dark, lost = errors[i, k] > 0.3, text.endswith("%")
-            look: dict[str, Any] = {"color": "white" if dark else "black", "weight": "bold" if lost else "normal"}
-            axis.text(k, i, text, ha="center", va="center", size=10, **look)
-    colours = plt.get_cmap("cividis_r").with_extremes(bad="0.92")
-    axis.imshow(np.ma.masked_invalid(errors), cmap=colours, norm=LogNorm(0.03, LIMIT), aspect="auto")
-    titles = [SHORT.get(name, board["columns"][name]["title"]) for name in names]
-    axis.set_xticks(range(len(names)), titles, rotation=40, ha="right", rotation_mode="anchor")
-    axis.set_yticks(range(len(rows)), [_name(row) for row in rows])
-    axis.grid(visible=False)
-    headline(
-        figure,
-        "Share of laps lost [%], or 90th percentile of the error [mm] if none is lost\n"
-        f"First in the ranking first; darker is worse; *: reads the true state; {UNLIMITED}: no limit of torque",
-    )
-    save(figure, folder, "heat_map")
+def columns(names: Sequence[str], board: Board, folder: Path) -> None:
+    """Draw, over columns, the share of laps that each entry loses, and the 90th percentile of its error."""
+    figure, axes = plt.subplots(2, 1, figsize=(WIDTH, 8.0), sharex=True, height_ratios=(2, 3))
+    for row in filter(on_square, board["rows"]):
+        wholes = [row["columns"][name].get("whole") for name in names]
+        shares = [np.nan if one is None else 100.0 * one["lost"] / one["episodes"] for one in wholes]
+        for axis, values in zip(axes, (shares, [_percentile(one) for one in wholes]), strict=True):
+            axis.plot(values, **(_look(row) if row["name"] in DRAWN else OTHERS))
+    axes[0].plot([], label="all others", **OTHERS)
+    axes[0].set(ylabel="laps lost [%]", yticks=range(0, 101, 20))
+    axes[1].set(ylabel="90th percentile of the error [mm]", yscale="log")
+    axes[1].set_yticks([*ERRORS, INFINITE], [*map(str, ERRORS), "infinite"])
+    axes[1].set_yticks([], minor=True)
+    titles = [TITLES.get(name, board["columns"][name]["title"]) for name in names]
+    axes[1].set_xticks(range(len(names)), titles, rotation=40, ha="right", rotation_mode="anchor")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    headline(figure, "Every column: all its laps together; a lost lap has an infinite error")
+    save(figure, folder, "columns")
+
+
+def _percentile(whole: Mapping[str, Any] | None) -> float:
+    """Return the 90th percentile of a column's errors [mm]; none where it is not applicable or not measured."""
+    if whole is None:
+        return np.nan
+    found = whole["rms"] and whole["rms"]["p90"]
+    return INFINITE if found is None else 1e3 * float(found)
 
 
 def pace(board: Board, folder: Path) -> None:
     """Draw the error of the worse lap over the lap time, on nominal and unknown arms, and that of the best plans."""
     figure, axes = plt.subplots(1, len(PACE), figsize=(WIDTH, 3.8), sharey=True)
-    shown = [row for name in PACED for row in board["rows"] if row["name"] == name]
     for axis, (name, title) in zip(axes, PACE.items(), strict=True):
         column = board["columns"][name]
         best = [[one["rms"] for one in board["tasks"][task]["best"].values()] for task in column["tasks"]]
-        axis.plot(
-            column["values"], 1e3 * np.max(best, axis=1), color=INK, linestyle="--", label="best plans known", zorder=3
-        )
-        for row, colour in zip(shown, COLOURS, strict=False):
+        plans = 1e3 * np.max(best, axis=1)
+        axis.plot(column["values"], plans, color=INK, linestyle="--", label="best plans known", zorder=4)
+        for row in board["rows"]:
             errors = [_worse(point) for point in row["columns"][name]["points"]]
-            axis.plot(column["values"], errors, color=colour, marker="o", markersize=4, label=_name(row))
+            if row["name"] in DRAWN and np.isfinite(errors).any():
+                axis.plot(column["values"], errors, **_look(row))
         axis.axhline(1e3 * (COLUMNS["pace"].bound or np.nan), **THRESHOLD)
         axis.set(title=title, xlabel="lap time [s]", yscale="log")
         number_ticks(axis.xaxis, column["values"])
@@ -98,14 +100,3 @@ def _worse(point: Mapping[str, Any] | None) -> float:
     laps = {} if point is None or "not_applicable" in point else point
     errors = [np.nan if one["lost"] else 1e3 * one["rms"]["mean"] for one in laps.values()]
     return float(np.max(errors)) if errors else np.nan
-
-
-def _along(whole: Mapping[str, Any] | None, name: str, about: Mapping[str, str]) -> tuple[float, str]:
-    """Return how dark a column's cell is (as an error [m]), and the share of lost laps as text, else the figure."""
-    if whole is None:
-        return np.nan, "n/a"
-    share, value = whole["lost"] / whole["episodes"], whole[name] and whole[name]["p90"]
-    if whole["lost"]:
-        error = value if value and about["unit"] == "m" else 0.0
-        return max(LIMIT * share, error), f"{100.0 * share:.0f} %" if share >= 0.01 else "< 1 %"
-    return value if about["unit"] == "m" else np.nan, amount(value, about["unit"])

@@ -13,7 +13,8 @@ from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.measure import PUBLISHED
-from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
+from flexarm_agents.board.summary import merged, point_summary
+from flexarm_agents.board.tables import UNKNOWN, unknown_cells
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
@@ -62,12 +63,15 @@ def _results(cells: Sequence[Cell], store: Store) -> list[dict[str, Any] | None]
 
 
 def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]]]:
-    """Return what `measured` gives of each row of the published board, and the errors of the best plans known."""
+    """Return what `measured` gives of each row of the published board, and the errors of the best plans known.
+
+    A row has its `unknown_cells`, too, as "cells".
+    """
     board = json.loads(PUBLISHED.read_text())
     tasks = board["columns"]["nominal"]["values"]
     rows = {
         row["name"]: dict(zip(tasks, row["columns"]["nominal"]["points"], strict=True))
-        | {"unknown": row["columns"]["unknown"]["points"][0]}
+        | {"unknown": row["columns"]["unknown"]["points"][0], "cells": unknown_cells(row)}
         for row in board["rows"]
     }
     return rows, board["tasks"]["square"]["best"]
@@ -107,19 +111,18 @@ def nominal(cards: Mapping[str, Card]) -> str:
 
 def unknown(cards: Mapping[str, Card]) -> str:
     """Tabulate unknown arms, and the chain beside the nominal laps."""
-    lines = []
+    lines, rows = [], published()[0]
     for text, several in compared(cards):
         unknown = [one["unknown"] for one in several]
         lost = Spread.of(float(sum(lap["lost"] for lap in one.values())) for one in unknown)
-        whole = _errors([counted(list(one.values())) for one in unknown])
-        cells = [_errors([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
+        entry = rows.get(text.replace("`", ""), several[0])  # an agent's as it is shipped
+        shown = entry.get("cells", ["-"] * len(UNKNOWN))[1:]
         both = _errors([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
         worst = _errors([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
         times = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
-        lines.append((text, str(len(several)), spread_text(lost, 0), whole, both, *cells, worst, *times))
+        lines.append((text, str(len(several)), spread_text(lost, 0), *shown, both, worst, *times))
     episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
-    errors = [f"error, a lost lap as {LIMIT:g} m [mm]", "mean of the completed laps [mm]"]
-    errors += [*(f"{lap}: mean of the completed [mm]" for lap in LAPS), "worst completed [mm]"]
+    errors = [*UNKNOWN[1:], "mean of the completed laps [mm]", "worst completed [mm]"]
     chain_heads = [f"chain, times the nominal {lap} lap" for lap in LAPS]
     return table(("", "seeds", f"lost of {episodes}", *errors, *chain_heads), lines)
 

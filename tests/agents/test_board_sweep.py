@@ -39,6 +39,6 @@ def test_lost_laps_come_first_and_count() -> None:
     (line,) = [one for one in found if one.startswith("1 ")]
     assert line.split() == [
         *("1", "0", "of", "2", "/", "1", "of", "2"),
-        *("0.500", "1.500", "0.500", "/", "0.500", "0.400", "/", "0.400", "at", "3.00", "s"),
+        *("0.500", "/", "0.500", "0.500", "/", "lost", "0.500", "/", "0.500", "0.400", "/", "0.400", "at", "3.00", "s"),
     ]
     assert found[-1] == "no lap lost: 0"

@@ -136,7 +136,7 @@ def row(name: str, swing: float | None, plain: float | None, limit: list[float] 
         "privileged": False,
         "columns": {
             "nominal": {"points": [point, absent, moves, point, point]},
-            "payload": {"points": [point] * 6, "kept": [0.0, 0.2] if swing else []},
+            "payload": {"points": [point] * 6, "kept": [0.0, 0.2] if swing else [], "whole": whole},
             "unknown": {"points": [point], "whole": whole},
         },
     }
@@ -191,20 +191,33 @@ def test_data_are_as_the_schema_says(small: dict[str, Any]) -> None:
     assert not check.is_valid(small)
 
 
-def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    docs = tmp_path / "docs"
+def test_what_is_shown_may_be_made_anew_without_measuring(
+    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    docs, data = tmp_path / "docs", tmp_path / measuring.DATA
     docs.mkdir()
     blocks = "".join(f"<!-- generated: {name} -->\nold\n<!-- end -->\n" for name in ("ranking", "times"))
     (docs / study.PAGE).write_text(blocks)
     (tmp_path / "README.md").write_text("")
-    before = measuring.PUBLISHED.read_text()
+    data.write_text(json.dumps(measuring.rounded(small)))
     monkeypatch.setattr(study, "DOCS", docs)
+    monkeypatch.setattr(study, "PUBLISHED", data)
     study.present(tmp_path / "presented")
     page = (docs / study.PAGE).read_text()
-    assert "| lqg | " in page
+    assert "| 1 | slow | " in page
     assert page.endswith("<!-- generated: times -->\nold\n<!-- end -->\n")
-    assert {path.name for path in (docs / "figures" / "leaderboard").iterdir()} == {"heat_map.png"}
-    assert measuring.PUBLISHED.read_text() == before
+    assert {path.name for path in (docs / "figures" / "leaderboard").iterdir()} == {"columns.png"}
+    assert json.loads(data.read_text()) == measuring.rounded(small)
+
+
+def test_who_was_not_measured_at_lap_times_has_no_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(pictures, "save", lambda figure, *where: figures.append(figure))
+    rows = [row("lqg", 0.1, 0.2), row("nmpc_adaptive", 0.1, 0.2)]
+    for one, point in zip(rows, (rows[0]["columns"]["payload"]["points"][0], None), strict=True):
+        one["columns"] |= {name: {"points": [point] * len(COLUMNS[name].points)} for name in pictures.PACE}
+    pictures.pace(measuring.board(rows, {name: COLUMNS[name] for name in pictures.PACE}), tmp_path)
+    assert [text.get_text() for text in figures[0].legends[0].texts] == ["best plans known", "lqg"]
 
 
 def test_a_board_without_an_axis_has_no_picture(tmp_path: Path) -> None:
