@@ -36,7 +36,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-fast test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist lock clean
+.PHONY: help reproduce validate analyse optimise control test test-fast test-slow lint typecheck contract train agent learning evaluate leaderboard board-docs bench docs site dist lock clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -94,6 +94,13 @@ evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained
 
 leaderboard: $(HAS)-board  ## Measure every controller and agent on every axis; an entry of your own: docs/submit.md
 	$(PY) -m scripts.leaderboard $(ARGS)
+
+board-docs: $(HAS)-draw $(HAS)-agent  ## Bring all pages, laps and pictures up to date with the committed board
+	$(PY) -m scripts.leaderboard --no-measure
+	$(PY) -m scripts.docs.environments --no-pictures
+	$(PY) -m scripts.shipped --no-train
+	$(PY) -m scripts.docs.replays
+	$(PY) -m scripts.docs.pictures
 
 bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside their peers
 	$(PY) -m scripts.benchmarks $(ARGS)

@@ -182,6 +182,7 @@ def page(name: str, one: Id) -> str:
         head, [("`arm`", "rigid segments", '`"default"`', "simulated by MuJoCo, with the default parameters")]
     )
     different = chain if name == chain_figures.CHAIN else doc.difference_table(one) or same
+    different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
     sections = {"What is different from Square-v0": [different], "What to beat": [_paragraphs(to_beat(name))]}
     top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")

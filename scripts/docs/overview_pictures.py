@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import takewhile
+from itertools import product, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,14 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from flexarm_agents.board.measure import PUBLISHED
-from flexarm_agents.board.summary import loss, nominal_errors
+from flexarm_agents.board.summary import loss
+from scripts.common import plotting
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, plain_ticks, write
 
 RECORD = DOCS / "validation.json"
+INFINITE = 2500.0  # where an infinite error is drawn [mm]
 LEADER = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1, "shrinkB": 4}
-ARROW = {"arrowstyle": "->", "color": SOFT}
 KINDS = {"reads the true state": SOFT, "controller": BLUE, "trained network": ORANGE}
 MODELS = {
     "linear, 2 modes": "linear arm",
@@ -38,70 +39,76 @@ RUNS = {
 
 
 def error_over_loss(path: Path) -> None:
-    """Draw the mean error of the two nominal laps over the share of laps lost on unknown arms, for each entry."""
-    entries = [one for row in json.loads(PUBLISHED.read_text())["rows"] if (one := _entry(row)) is not None]
-    figure, axis = plt.subplots(figsize=(WIDTH, 5.4))
+    """Draw the median error on unknown arms over the share of them that is lost, for each entry."""
+    board = json.loads(PUBLISHED.read_text())
+    dots = [dot for row in board["rows"] if (dot := _dot(row)) is not None]
+    figure, axis = plt.subplots(figsize=(WIDTH, 6.4))
     axis.set_yscale("log")
-    axis.set_xlim(-3.0, 100.0)
-    axis.set_ylim(22.0, 1400.0)
-    axis.set_yticks([30, 100, 300, 1000], ["30", "100", "300", "1000"])
-    axis.set_xlabel("lost on unknown arms [% of 256 drawn arms]")
-    axis.set_ylabel("error on the default arm [mm],\nmean of both laps")
-    for _, kind, lost, error in entries:
-        axis.plot(lost, error, "o", color=KINDS[kind], markersize=8, clip_on=False)
+    axis.set_xscale("symlog", linthresh=2.0, linscale=1.0)
+    axis.set(xlim=(-0.3, 140.0), ylim=(20.0, 1.6 * INFINITE))
+    plotting.number_ticks(axis.xaxis, (0, 1, 2, 5, 10, 20, 50, 100))
+    plotting.number_ticks(axis.yaxis, (20, 50, 100, 200, 500, 1000))
+    axis.set_yticks([*axis.get_yticks(), INFINITE], [*axis.get_yticklabels(), "infinite"])
+    axis.set_xlabel("lost [% of 256 unknown arms]")
+    axis.set_ylabel("median error on unknown arms [mm]; a lost lap's is infinite")
+    for _, colour, *place in dots:
+        axis.plot(*place, "o", color=colour, markersize=8, clip_on=False)
     for n, (kind, colour) in enumerate(KINDS.items()):
-        axis.text(0.99, 0.68 - 0.06 * n, kind, transform=axis.transAxes, ha="right", va="top", color=colour)
-    axis.annotate("better", (10.0, 80.0), (18.0, 115.0), color=SOFT, arrowprops=ARROW)
-    headline(figure, "All entries: error on the arm that they know, and share of unknown arms that they lose")
+        axis.text(0.99, 0.18 - 0.05 * n, kind, transform=axis.transAxes, ha="right", va="top", color=colour)
+    headline(figure, "All entries: what becomes of laps on arms that they do not know")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    label_dots(axis, [(name, KINDS[kind], lost, error) for name, kind, lost, error in entries])
+    label_dots(axis, dots)
     write(figure, path)
 
 
-def _entry(row: Mapping[str, Any]) -> tuple[str, str, float, float] | None:
-    """Return name, kind, lost share [%] and error [mm] of an entry that completes both nominal laps."""
-    errors = [one["rms"] for one in nominal_errors(row).values() if one is not None]
-    point = row["columns"]["unknown"]["points"][0]
-    if len(errors) < 2 or point is None or "not_applicable" in point:
+def _dot(row: Mapping[str, Any]) -> tuple[str, str, float, float] | None:
+    """Return name, colour, lost share [%] and median error [mm] of an entry that was measured on unknown arms."""
+    whole = row["columns"]["unknown"].get("whole")
+    if whole is None:
         return None
-    lost, episodes = (sum(lap[name] for lap in point.values()) for name in ("lost", "episodes"))
     name = row["name"].removeprefix("agent ")
     kind = "reads the true state" if row["privileged"] else "controller" if name == row["name"] else "trained network"
-    return name, kind, 100.0 * lost / episodes, 1e3 * float(np.mean(errors))
+    median = whole["rms"] and whole["rms"]["median"]
+    return name, KINDS[kind], 100.0 * whole["lost"] / whole["episodes"], 1e3 * median if median else INFINITE
 
 
 def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others: Sequence[Any] = ()) -> None:
-    """Write each name beside its dot, where it covers no dot, no other name and no other name's leader."""
+    """Write each name beside its dot, where it covers no dot, no other name and no leader.
+
+    Its own leader crosses no dot and no name if there is such a place.
+    """
 
     def boxes(places: Any, size: float) -> list[Bbox]:
         return [Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size) for x, y in places]
 
     taken = boxes(axis.transData.transform([*(place for _, _, *place in dots), *others]), 7.0)
-    names: list[Bbox] = []
+    marks = taken[: len(dots)]  # and names: what leaders should not cross
     turns = np.radians(np.arange(0.0, 360.0, 15.0))
-    offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9.0, 18.0, 28.0, 40.0, 54.0, 70.0) for turn in turns]
-    for name, colour, *place in sorted(dots, key=lambda dot: dot[3]):
-        for offset in offsets:
+    offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9, 18, 28, 40, 54, 70, 90, 115, 145) for turn in turns]
+    for name, colour, *place in sorted(dots, key=lambda dot: (-dot[2], dot[3])):
+        for free, offset in product((True, False), offsets):
+            side = 0.0 if offset[0] > 1.0 else 1.0 if offset[0] < -1.0 else 0.5  # of the name, where the leader ends
+            look = LEADER | {"color": colour, "relpos": (side, 0.5)}
             text = axis.annotate(
                 name,
                 (place[0], place[1]),
                 offset,
                 textcoords="offset points",
-                ha="left" if offset[0] > 1.0 else "right" if offset[0] < -1.0 else "center",
+                ha={0.0: "left", 0.5: "center", 1.0: "right"}[side],
                 va="center",
                 color=INK,
-                arrowprops=LEADER | {"color": colour} if np.hypot(*offset) > 9.5 else None,
+                arrowprops=look if np.hypot(*offset) > 9.5 else None,
             )
             text.get_window_extent()  # places the text
             box = Text.get_window_extent(text).padded(1.5)
-            inside = axis.bbox.x0 < box.x0 and box.x1 < axis.figure.bbox.x1
+            inside = axis.bbox.x0 < box.x0 and box.x1 < axis.figure.bbox.x1 and axis.bbox.y0 < box.y0
             start, way = axis.transData.transform(place), axis.figure.dpi / 72.0 * np.array(offset)
-            leader = boxes((start + share * way for share in np.linspace(0.2, 1.0, 12)), 0.5)
-            crossed = any(one.overlaps(other) for one in leader for other in names)
-            if inside and not crossed and not any(box.overlaps(other) for other in taken):
+            leader = boxes((start + share * way for share in np.linspace(9.0 / np.hypot(*offset), 1.0, 60)), 0.5)
+            crossed = any(one.overlaps(other) for one in leader for other in marks)
+            if inside and not (free and crossed) and not any(box.overlaps(other) for other in taken):
                 taken += [box, *leader]
-                names.append(box)
+                marks.append(box)
                 break
             text.remove()
 
