@@ -19,8 +19,7 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
     Returns:
         The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
         `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`; `checks`: how many;
-        `planned`: distance from the chain under gentle feedback along the plan [mm], `start`: over the first half
-        second under a share of the torques [mm]; `limits` and `spin`: bends [% of
+        `planned`: distance from the chain under gentle feedback along the plan [mm]; `limits` and `spin`: bends [% of
         the length] and spins [rad/s] up to which the linear model is right to 10 mm.
     """
     quoted = {name: group["quoted"] for name, group in record["groups"].items()}
@@ -32,9 +31,6 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
     def planned(lap: str, model: str, what: str = "rms") -> str:
         return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, {what}']:.1f}"
 
-    def start(lap: str, model: str, share: float) -> str:
-        return f"{quoted['controllers'][f'{lap}, start, {model}, share {share:g}, rms']:.1f}"
-
     def spin(until: str) -> str:
         return f"{engine['first clamped'] * engine[f'spin, linear, 2 modes, {until}']:.1f}"
 
@@ -45,7 +41,6 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
         "limits": engines("limit, linear, 2 modes, {}, 10 mm", "smooth torques", "torques that jump"),
         "spin": spin,
         "planned": planned,
-        "start": start,
         "checks": len(record["checks"]),
         "span": span,
     }

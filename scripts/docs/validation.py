@@ -27,8 +27,6 @@ GROUPS = {
     "cables": "Second engine (Exudyn)",
     "two_engines": "Two engines compared",
     "plant": "The default arm on the chain",
-    "controllers": "Controllers on the chain",
-    "smooth": "Smooth plans on the chain",
     "drift": "Invariants over ten minutes",
     "orders": "Orders of the integrators",
     "steps": "Error of the integration step",
@@ -50,8 +48,6 @@ CAPTIONS = {
     "engine_square": "Errors on the square.",
     "cables_convergence": "Change of the cables' tip by mesh and step.",
     "two_engines_distances": "Distances from both engines.",
-    "plant_start": "Distance of the tip from the chain of 20 elements over the first half second, r.m.s. [mm], divided "
-    "by the share of the torques that acts.",
     "drift_steps": "Largest change of energy / of angular momentum in ten minutes, worst of all starts.",
     "step_errors": "Tip after a second of random torques, median / largest of 200 motions [mm], by steps in a period.",
     "coriolis_amplitudes": "The paper's forces by amplitude; the larger ones are not checked.",

@@ -1,4 +1,4 @@
-"""Laps of any arm under controllers: those of the registry, shipped agents, feedback along a plan.
+"""Laps of any arm under shipped agents and feedback along a plan.
 
 Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
 part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). All but the feedback along a
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from flexarm_agents.board.entries import Entry
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
-from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.predictor import predictor
@@ -29,7 +28,6 @@ from tests.validation.motion import HELD, Array, apart, rms
 
 PERIODS = 10  # `HELD` in a control period of 100 Hz
 SECONDS = 16.0  # of a lap
-ERROR_LIMIT = 2.5  # [m], that of the environments
 # What feedback may do without exciting vibrations that its model does not have; the baselines' own weights, which
 # ask for ten times the stiffness, do excite them.
 GENTLE = RegulatorWeights(tip=0.03, speed=1.0)
@@ -39,8 +37,8 @@ AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies
 DEFAULT, FOUR, FORMER = "3 polynomials", "4 polynomials", "linear, 2 modes"
 MODELS = {f"{n} polynomials": ArmParameters(modes_per_link=n) for n in (2, 3, 4)}
 ARMS = MODELS | {FORMER: ArmParameters.linear()}
-# by their elements a link; the difference of the first two is the second one's error, times three
-COARSE, CHAIN, FINER = CHAINS = {f"chain, {n} elements": n for n in (10, 20, 40)}
+# by their elements a link; their difference is the second one's error, times three
+COARSE, CHAIN = CHAINS = {f"chain, {n} elements": n for n in (10, 20)}
 WINDOW = 50  # control periods that a picture takes together: half a second
 
 
@@ -70,11 +68,6 @@ class Lap(NamedTuple):
         """The r.m.s. change of the shoulder's torque from one control period to the next [N m]."""
         return rms(np.diff(self.torque[:, 0]))
 
-    @property
-    def lost(self) -> bool:
-        """Whether an environment would have ended the episode."""
-        return bool(self.miss.max() > ERROR_LIMIT)
-
 
 class Away(NamedTuple):
     """How far two tips are apart over a run [mm]."""
@@ -82,9 +75,6 @@ class Away(NamedTuple):
     rms: float
     maximum: float
     after_2s: float
-
-    def __str__(self) -> str:
-        return f"{self.rms:.3g} / {self.after_2s:.3g}"
 
 
 def away(tip: Array, other: Array) -> Away:
@@ -114,7 +104,7 @@ def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] 
 
 
 class Hosted:
-    """A controller of the registry or a shipped agent, in its environment; nothing is drawn, sensors have no noise."""
+    """A shipped agent in its environment; nothing is drawn, sensors have no noise."""
 
     def __init__(self, source: str, lap: str) -> None:
         """Make it for a lap; its name is the board's."""
@@ -138,9 +128,9 @@ class Hosted:
 
 
 class Regulator:
-    def __init__(self, lap: str, weights: RegulatorWeights, change_weight: float = CHANGE_WEIGHT) -> None:
-        """Plan the lap with a weight on changes of the torques (`TrackingProblem`), and compute the gains."""
-        self.plan = _plan(lap, change_weight)
+    def __init__(self, lap: str, weights: RegulatorWeights) -> None:
+        """Plan the lap, and compute the gains."""
+        self.plan = _plan(lap)
         self._regulator = PlanRegulator(self.plan, weights)
         self._gauges = Gauges(self.plan.arm)
 
@@ -155,8 +145,8 @@ class Regulator:
 
 
 @cache
-def _plan(lap: str, change_weight: float) -> Plan:
-    return plan_lap(FlexibleArm(), lap, change_weight=change_weight)
+def _plan(lap: str) -> Plan:
+    return plan_lap(FlexibleArm(), lap)
 
 
 def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) -> Plant:
@@ -177,23 +167,21 @@ def on_start(lap: str, plant: str) -> Plant:
 
 
 @cache
-def controller(lap: str, name: str | float) -> Controller:
-    """Return one of the tables' controllers, one of the board, or gentle feedback along a plan of some smoothness."""
-    if isinstance(name, float):
-        return Regulator(lap, GENTLE, name)
+def controller(lap: str, name: str) -> Controller:
+    """Return one of the tables' controllers."""
     if name in (GENTLY, AGGRESSIVELY):
         return Regulator(lap, GENTLE if name == GENTLY else GOOD)
-    return Hosted(AGENTS.get(name, name), lap)
+    return Hosted(AGENTS[name], lap)
 
 
 @kept
-def lap_of(lap: str, name: str | float, plant: str) -> Lap:
+def lap_of(lap: str, name: str, plant: str) -> Lap:
     """Run a controller on an arm; off the chain that others are compared with, models' states are read."""
     models = [FlexibleArm(parameters) for parameters in MODELS.values()] if plant == CHAIN else []
     return run_lap(controller(lap, name), on_start(lap, plant), models)
 
 
-def from_chain(lap: str, name: str | float, plant: str) -> Away:
+def from_chain(lap: str, name: str, plant: str) -> Away:
     """Return how far an arm's tip is from the chain's."""
     return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
 
