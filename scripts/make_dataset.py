@@ -4,8 +4,6 @@ A data set holds episodes of one candidate at one delay, which take turns with t
 makes them differ. Minari makes its environment again from it.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import warnings

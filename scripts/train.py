@@ -4,8 +4,6 @@ A sweep is a JSON object of lists, {"learning_rate": [1e-3, 2e-3], "envs": [32, 
 Finished trainings are reused, interrupted ones are resumed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """Linear control theory of the arm: zeros against the sensor's position, passivity, margins of the paper's loop."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Margins of the paper's loop along the square, by the linear theory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import product

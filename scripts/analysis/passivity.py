@@ -1,7 +1,5 @@
 """Hyperstability: where torque -> rate stops being positive real."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The delay at which the simulated, nonlinear loop really diverges, beside the linear theory's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Results of the analysis -> Markdown tables."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from scripts.common.markdown import table

@@ -1,7 +1,5 @@
 """Zeros against the sensor's position: which are there, where new ones come from, what they forbid."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

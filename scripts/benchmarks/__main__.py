@@ -4,8 +4,6 @@ All subjects of a group are timed by turns in one run, on one core (threads: on 
 trust the ratios. The times behind them belong to the machine. Prints tables and writes one JSON file.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import tempfile

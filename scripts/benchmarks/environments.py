@@ -1,7 +1,5 @@
 """Environments through `gymnasium.make` with its default wrappers: steps, and the way to the first one."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Batches beside their peers, Jacobians beside steps, a chain in MuJoCo, the learner alone."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import replace

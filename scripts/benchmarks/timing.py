@@ -6,8 +6,6 @@ and nearly the same on a busy one. The wall clock's median stands beside it.
 The `effort` of what declares groups and subjects is a factor on the work of a timed call.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ The trainings are finished: each agent's `config` in docs/figures/agents/STUDY.j
 given.
 """
 
-from __future__ import annotations
-
 from scripts.common.command_line import run
 from scripts.common.study import Study, command
 from scripts.learning import delays, exploration, gradients, laws, off_policy, spillover

@@ -1,7 +1,5 @@
 """The data of finished studies: what stays of each agent's trainings, and of the controllers beside them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front."""
 
-from __future__ import annotations
-
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 

@@ -3,8 +3,6 @@
 All agents are judged on `Square-v0` as it is registered.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What first-order gradients learn through arm and sensor, with and without a search, beside PPO."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What learning adds to classical laws: torques, shifts of a reference, or the gain of the paper's law."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

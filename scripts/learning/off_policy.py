@@ -1,7 +1,5 @@
 """Whether algorithms with a replay buffer learn, beside PPO after as many steps and as many seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether agents that learned on an arm of two shapes a link can drive arms with more, and the chain."""
 
-from __future__ import annotations
-
 from scripts.common.markdown import table
 from scripts.common.study import Study
 from scripts.learning.agents import Agents, committed

@@ -5,8 +5,6 @@ Writes `runs/*.npz` (every trajectory), `figures/` (PNG and SVG), `summary.json`
 in its place at the end.
 """
 
-from __future__ import annotations
-
 import json
 import time
 import tomllib

@@ -1,7 +1,5 @@
 """The paper's twelve runs, the columns (arms) in which they are made, and their simulation to npz files."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Iterable, Sequence

@@ -5,8 +5,6 @@ FLSAC can be put to a constant gain as well. It decides from those runs that it 
 put to fewer: those whose elbow keeps its side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The paper's claims: each sentence, what it is taken to mean, the runs that it is about, and what decides it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The paper's figures, and ours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs -> plain numbers: what the claims, tables and sweeps are decided from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every number that the paper prints, beside ours."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

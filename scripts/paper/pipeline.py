@@ -1,7 +1,5 @@
 """The whole reproduction: simulate in worker processes, decide, tabulate, draw; pictures are drawn from files."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """What the paper leaves open, varied: gains, scales, and the alternative readings of its law."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Plain data -> Markdown tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

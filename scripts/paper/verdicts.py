@@ -1,7 +1,5 @@
 """Claims over all columns: the verdicts, and what constant gains do by the same measures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 When the command is given again, interrupted trainings are resumed and finished ones reused.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which agents are shipped, and how each is trained; all trainings of one differ in their seeds alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple

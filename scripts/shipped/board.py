@@ -1,7 +1,5 @@
 """What the board says of agents: measured for every training, and published for rows beside them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain

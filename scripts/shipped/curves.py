@@ -3,8 +3,6 @@
 The data of an agent stay in the file until its trainings are made anew, since trainings themselves are not committed.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tables of the pages about agents that show the shipped ones' scores."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 

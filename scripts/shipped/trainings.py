@@ -1,7 +1,5 @@
 """The median one of trainings that differ in their seeds, and its files in the package."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
