@@ -10,7 +10,7 @@ from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.study import Study, command
-from scripts.control import estimated, joint, repeated, robust, unknown
+from scripts.control import estimated, repeated, robust, unknown
 from scripts.control.trials import ERRORS, cell, run_laps, study
 
 
@@ -35,7 +35,6 @@ STUDIES: dict[str, Study] = {
         lambda: {name: partial(run_laps, name) for name in CONTROLLERS},
         registered_table,
     ),
-    **joint.STUDIES,
     **estimated.STUDIES,
     **unknown.STUDIES,
     **robust.STUDIES,

@@ -1,8 +1,7 @@
-"""Controllers that estimate the state: each part of LQG, and predictive control, on arms other than the published."""
+"""What each part of LQG is worth, on the default arm and on arms that differ from it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -12,11 +11,10 @@ from flexarm_baselines.optimal import GOOD
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.study import Trial
-from scripts.control.joint import drawn
-from scripts.control.trials import cell, run_laps, study
+from scripts.control.trials import cell, drawn, run_laps, study
 
-Rows = Mapping[str, tuple[str, dict[str, Any]]]  # a controller and its design, by what the table calls it
-LQG: Rows = {
+# Controllers and their designs, by what the table calls them
+LQG: dict[str, tuple[str, dict[str, Any]]] = {
     "LQG": ("lqg", {}),
     "delay ignored": ("lqg", {"delay": "ignored"}),
     "no feed-forward": ("lqg", {"feed_forward": False}),
@@ -26,12 +24,6 @@ LQG: Rows = {
     "filter of the true noise": ("lqg", {"noise": NoiseModel(joint_angle=1e-4, joint_rate=0.03, tip=3e-3)}),
     "adaptive LQG": ("lqg_adaptive", {}),
     "true state in place of a filter": ("plan_lqr", {}),
-}
-PREDICTIVE: Rows = {
-    "NMPC": ("nmpc", {}),
-    "adaptive NMPC": ("nmpc_adaptive", {}),
-    "NMPC without an optimised plan": ("nmpc_path", {}),
-    "NMPC of the true state": ("nmpc_state", {}),
 }
 CHANGES: dict[str, dict[str, float]] = {
     "default arm": {},
@@ -47,23 +39,19 @@ OFF = {"start 0.02 rad off": (-0.02, 0.02)}  # of the first corner [rad]
 ON = (0.0, 0.0)
 
 
-def _trials(rows: Rows) -> dict[str, Trial]:
+def _trials() -> dict[str, Trial]:
     return {
         f"{row}, {change}": partial(run_laps, name, design, {"noise": NOISE, **drawn(**own)}, OFF.get(change, ON))
-        for row, (name, design) in rows.items()
+        for row, (name, design) in LQG.items()
         for change, own in CHANGES.items()
     }
 
 
-def _table(rows: Rows, results: Any) -> str:
+def _table(results: Any) -> str:
     """Tabulate rows, a line for each lap."""
-    lines = [[row, lap, *(cell(results[f"{row}, {one}"][lap], 1) for one in CHANGES)] for row in rows for lap in LAPS]
+    lines = [[row, lap, *(cell(results[f"{row}, {one}"][lap], 1) for one in CHANGES)] for row in LQG for lap in LAPS]
     return table(["", "lap", *CHANGES], lines)
 
 
-LQG_TEXT = "what each part of LQG is worth: r.m.s. over the lap / after 2 s [mm]"
-PREDICTIVE_TEXT = "predictive control: r.m.s. over the lap / after 2 s [mm]"
-STUDIES = {
-    **study(__name__, "lqg_parts", LQG_TEXT, partial(_trials, LQG), partial(_table, LQG)),
-    **study(__name__, "predictive", PREDICTIVE_TEXT, partial(_trials, PREDICTIVE), partial(_table, PREDICTIVE)),
-}
+TEXT = "what each part of LQG is worth: r.m.s. over the lap / after 2 s [mm]"
+STUDIES = study(__name__, "lqg_parts", TEXT, _trials, _table)

@@ -18,7 +18,7 @@ from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH, plain_ticks
 from scripts.common.study import Study, Trial, Trials
-from scripts.control.joint import drawn
+from scripts.control.trials import drawn
 from scripts.control.unknown import ENVIRONMENT
 
 LEARNED, ARMS = 10, 16

@@ -47,6 +47,11 @@ def run_laps(
     return laps
 
 
+def drawn(**quantities: float) -> dict[str, Any]:
+    """Return options of an arm some of whose quantities differ from what is published."""
+    return {"randomisation": {name: (value, value) for name, value in quantities.items()}} if quantities else {}
+
+
 def study(
     module: str, name: str, text: str, trials: Callable[[], Mapping[str, Trial]], tabulate: Callable[[Any], str]
 ) -> dict[str, Study]:

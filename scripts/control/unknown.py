@@ -1,4 +1,4 @@
-"""LQG, its adaptive form and feedback of the true state on arms that each episode draws anew."""
+"""Controllers on arms that each episode draws anew."""
 
 from __future__ import annotations
 
@@ -50,23 +50,6 @@ def run_unknown(
     return {lap: kept[n :: len(LAPS)] for n, lap in enumerate(LAPS)}
 
 
-def _summary(episodes: list[list[float] | None]) -> tuple[str, list[list[float]]]:
-    """Return how many are lost, and mean and worst of the others' errors [m]: over the lap, after 2 s."""
-    kept = np.array([pair for pair in episodes if pair is not None])
-    return f"{len(episodes) - len(kept)} of {len(episodes)}", [kept.mean(axis=0).tolist(), kept.max(axis=0).tolist()]
-
-
-def unknown_table(results: Any) -> str:
-    """Tabulate the episodes, a line for each lap."""
-    lines = []
-    for row, laps in results.items():
-        for lap, episodes in laps.items():
-            lost, figures = _summary(episodes)
-            cells = (f"{1e3 * whole:.1f} / {1e3 * later:.1f}" for whole, later in figures)
-            lines.append([row, lap, lost, *cells])
-    return table(["", "lap", "lost", "mean [mm]", "worst [mm]"], lines)
-
-
 def run_entry(name: str, episodes: int = EPISODES) -> dict[str, Any]:
     """Run a controller on both nominal laps, and on unknown arms."""
     return {"nominal": run_laps(name), "unknown": run_unknown(name, episodes=episodes)}
@@ -91,14 +74,5 @@ FIELD: dict[str, Trial] = {
     **{name: partial(run_entry, name) for name in ("lqg", "lqg_imu", "hinf", "computed_torque", "computed_torque_dob")},
     **{name: partial(run_entry, name, FEW) for name in ("nmpc", "nmpc_deflection")},
 }
-LQG: dict[str, Trial] = {
-    "LQG": partial(run_unknown, "lqg"),
-    "adaptive LQG": partial(run_unknown, "lqg_adaptive"),
-    "true state in place of a filter": partial(run_unknown, "plan_lqr"),
-}
-LQG_TEXT = "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]"
 FIELD_TEXT = "entries that the field expects: r.m.s. over the lap / after 2 s, and r.m.s. over the lap on unknown arms"
-STUDIES = {
-    **study(__name__, "lqg_unknown", LQG_TEXT, lambda: LQG, unknown_table),
-    **study(__name__, "field_entries", FIELD_TEXT, lambda: FIELD, field_table),
-}
+STUDIES = study(__name__, "field_entries", FIELD_TEXT, lambda: FIELD, field_table)

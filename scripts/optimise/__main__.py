@@ -27,7 +27,7 @@ from scripts.common.result_files import write_json
 from scripts.common.study import Study, update_docs
 from scripts.optimise import corner, reach
 from scripts.optimise.pareto import curve
-from scripts.optimise.score import regulated, score
+from scripts.optimise.score import score
 from scripts.optimise.search import Candidate, Effort, search
 from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name, published
 from scripts.optimise.tracks import LAB, LAB_ARM, TRACKS
@@ -152,7 +152,6 @@ def _report(found: list[Candidate], lap: str, path: str) -> dict[str, Any]:
     log = plan.notes["log"]
     return {
         "score": score(plan, lap, TRACKS[path].options),
-        **({} if TRACKS[path].compact else {"regulated": regulated(plan)}),
         "converged": plan.notes["converged"],
         "residual": log["residual"][-1],
         "cost": log["cost"][-1],

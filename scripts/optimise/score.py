@@ -11,20 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_baselines.optimal import AGGRESSIVE, GOOD, Plan, PlanRegulator
+from flexarm_baselines.optimal import Plan
 from flexarm_env.metrics import summary
 from flexarm_env.rollout import run_policy
 
-# What is run under the regulators, by its difference from the plan's arm.
-CASES: dict[str, dict[str, float]] = {
-    "as planned": {},
-    "frequencies -10 %": {"stiffness": 0.81},
-    "frequencies +10 %": {"stiffness": 1.21},
-    "payload 0.1 kg": {"payload_mass": 0.1},
-    "payload 0.5 kg": {"payload_mass": 0.5},
-    "payload 1 kg": {"payload_mass": 1.0},
-}
-REGULATORS = {"good": GOOD, "aggressive": AGGRESSIVE}
 FIGURES = ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max", "elbow_changes", "vibration")
 
 
@@ -75,25 +65,3 @@ def efforts(plan: Plan) -> dict[str, Any]:
         "torque_rms": np.sqrt(np.mean(plan.torques**2, axis=0)).tolist(),
         "torque_change_rms": np.sqrt(np.mean(changes**2, axis=0)).tolist(),
     }
-
-
-def regulated(plan: Plan) -> dict[str, dict[str, dict[str, float]]]:
-    """Run arms that are not the planned one under regulators that know their true state, all at once.
-
-    Returns:
-        r.m.s. distance over the lap and after 2 s [m] by regulator and case.
-    """
-    nominal = {"stiffness": 1.0, "payload_mass": plan.parameters.payload_mass}
-    quantities: dict[str, Any] = {
-        name: [case.get(name, value) for case in CASES.values()] for name, value in nominal.items()
-    }
-    found: dict[str, dict[str, dict[str, float]]] = {}
-    for name, weights in REGULATORS.items():
-        states = PlanRegulator(plan, weights).rollout(**quantities).states
-        squares = np.sum((plan.arm.tip(states[..., : plan.arm.size]) - plan.reference) ** 2, axis=-1)
-        errors = [np.sqrt(np.mean(part, axis=-1)) for part in (squares, squares[:, plan.time >= 2.0])]
-        found[name] = {
-            case: {"true_tip_rms": float(whole), "true_tip_rms_after_2s": float(late)}
-            for case, whole, late in zip(CASES, *errors, strict=True)
-        }
-    return found

@@ -10,7 +10,6 @@ from typing import Any
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
 from scripts.common.markdown import table
-from scripts.optimise.score import CASES
 from scripts.optimise.tracks import PACE
 
 Reports = Mapping[str, Any]  # by the names of their files
@@ -57,24 +56,6 @@ def pace(reports: Reports) -> str:
         for lap_time, laps in sorted(found.items(), reverse=True)
     ]
     return table(("lap time [s]", *(cell for lap in LAPS for cell in (f"{lap} lap [mm]", "largest [mm]"))), rows)
-
-
-def pareto(reports: Reports) -> str:
-    """Tabulate error against effort on the default arm's plain lap."""
-    curve = _plans(reports)["default_plain"].get("pareto", [])
-    rows = [(f"{row['change_weight']:g}", _errors(row), *_efforts(row)) for row in curve]
-    return table(("weight on changes [m²]", "error [mm]", *EFFORTS.values()), rows)
-
-
-def regulated(reports: Reports) -> str:
-    """Tabulate the errors of other arms under regulators along the default arm's plans of the square."""
-    rows = [
-        (_text(name), regulator, *(_errors(errors[case]) for case in CASES))
-        for name, report in _plans(reports).items()
-        if parts(name)[:2] == ("default", "square")
-        for regulator, errors in report["regulated"].items()
-    ]
-    return table(("arm, lap", "regulator", *CASES), rows)
 
 
 def drawn(reports: Reports) -> str:
@@ -128,4 +109,4 @@ def _efforts(row: Mapping[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pace": pace, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pace": pace}

@@ -7,12 +7,10 @@ from typing import Any
 
 import pytest
 
-from flexarm_baselines.joint_space.tracking import DECOUPLED, JointFeedback
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.markdown import shown_blocks
 from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
-from scripts.control.joint import slowest_decay
 from scripts.control.trials import cell, run_laps
 
 
@@ -67,15 +65,6 @@ def test_workers_run_trials() -> None:
     assert done == {"two": {"square": 4}, "three": {"square": 9}}
     with pytest.raises(ZeroDivisionError):
         list(run_all({"two": partial(counted, 2), "none": partial(divmod, 1, 0)}, 2, "squares"))
-
-
-def test_decays_of_joint_feedback() -> None:
-    """As read, the usual gains destabilise; filtered and soft, they settle."""
-    assert slowest_decay(JointFeedback((1000.0, 130.0), (40.0, 30.0), 0.0, 0.0)) < -50.0
-    assert slowest_decay(JointFeedback()) > 0.25
-    assert slowest_decay(DECOUPLED) > 0.25
-    none = JointFeedback((0.0, 0.0), (0.0, 0.0))
-    assert slowest_decay(none) == pytest.approx(0.0, abs=1e-5)  # rigid motions neither grow nor decay
 
 
 def test_what_is_refused() -> None:
