@@ -1,7 +1,7 @@
 """The data of finished studies: what stays of each agent's trainings, and of the controllers beside them."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm_agents import Spread
+from flexarm_agents.board.measure import PUBLISHED
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 from scripts.common.spreads import millimetres
@@ -48,10 +49,27 @@ class Agent(NamedTuple):
 Agents = Mapping[str, Agent]  # by their names
 
 
-def committed(study: str) -> Callable[[Path, int], dict[str, Agent]]:
-    """Return a study's `results`: they are read from docs/."""
-    return partial(_read, FOLDER / f"{study}.json")
+def committed(
+    study: str, beside: Collection[str] = (), points: Sequence[tuple[str, Any]] = ()
+) -> Callable[[Path, int], dict[str, Agent]]:
+    """Return a study's `results`: they are read from docs/, and of entries beside them from the leaderboard's data.
+
+    Args:
+        study: name of a file in `FOLDER`.
+        beside: names of controllers and shipped agents on the board.
+        points: columns of the board and values there, where "errors" are measured.
+    """
+    return partial(_read, FOLDER / f"{study}.json", beside, points)
 
 
-def _read(path: Path, folder: Path, jobs: int) -> dict[str, Agent]:
-    return {name: Agent(**one) for name, one in json.loads(path.read_text()).items()}
+def _read(
+    path: Path, beside: Collection[str], points: Sequence[tuple[str, Any]], folder: Path, jobs: int
+) -> dict[str, Agent]:
+    found = {name: Agent(**one) for name, one in json.loads(path.read_text()).items()}
+    board = json.loads(PUBLISHED.read_text())
+    rows = {row["name"].removeprefix("agent "): row["columns"] for row in board["rows"]}
+    for name in beside:
+        each = [rows[name][axis]["points"][board["columns"][axis]["values"].index(value)] for axis, value in points]
+        errors = {lap: [one[lap]["rms"] and one[lap]["rms"]["mean"] for one in each] for lap in LAPS}
+        found[name] = Agent(None, None, [{"measured": {"errors": errors}}])
+    return found

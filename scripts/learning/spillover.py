@@ -23,6 +23,6 @@ def errors(agents: Agents) -> str:
 
 STUDY = Study(
     "arms of more shapes than in training: mean r.m.s. error of both laps",
-    committed("spillover"),
+    committed("spillover", ("lqg", "student"), [("nominal" if arm == "chain" else "model", arm) for arm in ARMS]),
     {"spillover": errors},
 )
