@@ -69,6 +69,12 @@ def test_bad_input() -> None:
         run_batch(batch(2), [IFDC()])
     with pytest.raises(ValueError, match="max_steps = 0"):
         run_batch(batch(2), [IFDC()] * 2, max_steps=0)
+    with pytest.raises(ValueError, match=r"policy\.gain_limit = 1\.0: must be the environment's, 20\.0"):
+        run_policy(make(gain_limit=20.0), IFDC())
+    with pytest.raises(ValueError, match=r"lap = 'first': must be one of 'swing', 'plain'"):
+        run_policy(make(), IFDC(), lap="first")
+    with pytest.raises(ValueError, match=r"lap = 'swing' beside options = \{'time': 1.0\}: give one of them"):
+        run_policy(make(), IFDC(), lap="swing", options={"time": 1.0})
 
 
 def test_torque_is_the_one_that_acts_just_after_the_instant() -> None:
@@ -83,11 +89,6 @@ def test_torque_is_the_one_that_acts_just_after_the_instant() -> None:
     assert half.torque[0] == pytest.approx(0.5 * expected, rel=1e-9)
 
 
-def test_a_policy_for_another_gain_limit_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"policy\.gain_limit = 1\.0: must be the environment's, 20\.0"):
-        run_policy(make(gain_limit=20.0), IFDC())
-
-
 def test_a_bare_environment_runs_one_lap() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Paper-v0", lap_time=0.4, side=0.4).unwrapped
     assert len(run_policy(env, IFDC())) == 401
@@ -99,14 +100,6 @@ def test_a_lap_has_its_side_of_the_elbow(lap: str, side: float) -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear", max_episode_steps=2)
     for seed in range(3):
         assert np.sign(run_policy(env, lambda observation: np.zeros(2), seed=seed, lap=lap).state[0, 1]) == side
-
-
-def test_a_bad_lap_is_refused() -> None:
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
-    with pytest.raises(ValueError, match=r"lap = 'first': must be one of 'swing', 'plain'"):
-        run_policy(env, lambda observation: np.zeros(2), lap="first")
-    with pytest.raises(ValueError, match=r"lap = 'swing' beside options = \{'time': 1.0\}: give one of them"):
-        run_policy(env, lambda observation: np.zeros(2), lap="swing", options={"time": 1.0})
 
 
 def test_wrapped_observations_do_not_reach_the_record() -> None:

@@ -18,7 +18,7 @@ ARRAYS = {
 }
 
 
-def test_arrays_come_back_and_begin_on_cache_lines() -> None:
+def test_arrays_come_back_begin_on_cache_lines_and_do_not_overlap() -> None:
     memory, parts = pack(ARRAYS)
     assert list(parts) == list(ARRAYS)
     for name, array in ARRAYS.items():
@@ -27,10 +27,6 @@ def test_arrays_come_back_and_begin_on_cache_lines() -> None:
         np.testing.assert_array_equal(view, array)
         assert view.ctypes.data == memory.ctypes.data + WORD * parts[name].first
         assert view.ctypes.data % CACHE_LINE == 0
-
-
-def test_arrays_do_not_overlap() -> None:
-    memory, parts = pack(ARRAYS)
     for name, part in parts.items():
         part.view(memory)[:] = 0
         for other in ARRAYS.keys() - {name}:

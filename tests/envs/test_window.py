@@ -116,20 +116,15 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_display")
-def test_without_a_display_no_window_opens() -> None:
+@pytest.mark.parametrize("driver", ["", "x11"])
+def test_without_a_display_no_window_opens_and_a_driver_is_named(driver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     pygame.display.quit()
-    with pytest.raises(NoDisplayError):
+    if driver:
+        monkeypatch.setenv("SDL_VIDEODRIVER", driver)
+    with pytest.raises(NoDisplayError, match=driver or None):
         Renderer("human", SIZE).draw(SCENE)
     assert not pygame.display.get_init()
-
-
-@pytest.mark.usefixtures("no_display")
-def test_a_driver_that_finds_no_display_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pygame").display.quit()
-    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
-    with pytest.raises(NoDisplayError, match="x11"):
-        Renderer("human", SIZE).draw(SCENE)
 
 
 @pytest.mark.usefixtures("no_display")
