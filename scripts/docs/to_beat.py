@@ -18,6 +18,9 @@ from scripts.common.markdown import DOCS
 BOARD = "[leaderboard](../leaderboard.md)"
 KNOWS = {"true state": "the true state (a yardstick)", "plant parameters": "the arm's parameters"}
 
+CARRIED = {"vibration": "vibration [mm]", "settling_time": "settling time [s]", "moment": "bending moment [N m]"}
+MOST = 6  # entries that are shown of many
+
 Laps = Mapping[str, Sequence[Mapping[str, Any]]]  # of each lap the summaries of some points
 
 
@@ -200,19 +203,23 @@ def _carry() -> str:
     """Write what the board has of payloads that nobody knows; how it is measured, as long as the board has nothing."""
     if "carry" not in board()["columns"]:
         return f"`flexarm leaderboard --columns carry` measures it; the {BOARD} has no figures of it yet."
+    wanted = OnBoard("carry", ("0.2 to 1.5 kg",), ())
     rows = []
     for row in board()["rows"]:
-        laps = row["columns"]["carry"]["points"][board()["columns"]["carry"]["values"].index("0.2 to 1.5 kg")]
-        for lap, one in laps.items() if laps and "not_applicable" not in laps and not row["privileged"] else ():
-            worst = [
-                None if one[name] is None else one[name]["p90"] for name in ("vibration", "settling_time", "moment")
+        points = {} if row["privileged"] else laps_of(row, wanted) or {}
+        laps = [[lap[name] and lap[name]["p90"] for name in CARRIED] for lap, *_ in points.values()]
+        if laps and None not in [vibration for vibration, *_ in laps]:
+            cells = [
+                " / ".join("-" if value is None else f"{scale * value:.2g}" for value in each)
+                for scale, each in zip((1e3, 1.0, 1.0), zip(*laps, strict=True), strict=True)
             ]
-            if worst[0] is not None:
-                cells = (f"{1e3 * worst[0]:.1f}", *("-" if x is None else f"{x:.3g}" for x in worst[1:]))
-                rows.append((worst[0], (f"`{row['name']}`", lap, f"{one['lost']} of {one['episodes']}", *cells)))
-    head = ("entry", "lap", "lost", "vibration [mm]", "settling time [s]", "bending moment [N m]")
-    lines = table(head, [line for _, line in sorted(rows)])
-    return f"Masses of 0.2 to 1.5 kg, 90th percentiles ({BOARD}); who loses more has none:\n\n{lines}"
+            line = (f"`{row['name']}`", "{} of {}".format(*_losses(points)), *cells)
+            rows.append((max(vibration for vibration, *_ in laps), line))
+    lines = table(("entry", "lost", *CARRIED.values()), [line for _, line in sorted(rows)[:MOST]])
+    return (
+        f"Masses of 0.2 to 1.5 kg, 90th percentiles of the swing / plain side, those with least vibration "
+        f"({BOARD}):\n\n{lines}"
+    )
 
 
 _NOT_YET = f"""\
