@@ -10,7 +10,7 @@ from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.study import Study, command
-from scripts.control import estimated, repeated, robust, unknown
+from scripts.control import estimated, repeated, robust
 from scripts.control.trials import ERRORS, cell, run_laps, study
 
 
@@ -36,7 +36,6 @@ STUDIES: dict[str, Study] = {
         registered_table,
     ),
     **estimated.STUDIES,
-    **unknown.STUDIES,
     **robust.STUDIES,
     **repeated.STUDIES,
 }
