@@ -154,7 +154,7 @@ def searched() -> dict[str, Any]:
 
 
 def run_unknown(design: Mapping[str, Any]) -> list[list[float] | None]:
-    """Return errors over the lap and after 2 s [m] of episodes on unknown arms, the laps in turn; None for lost ones."""
+    """Return errors over the lap and after 2 s [m] of episodes on unknown arms, laps in turn; None for lost ones."""
     envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **LQG.options() | UNKNOWN_PLANT)
     policy, sides = LQG.for_env(envs, **design), [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
     observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
