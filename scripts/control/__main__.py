@@ -31,8 +31,8 @@ STUDIES: dict[str, Study] = {
     **study(
         "scripts.control.trials",
         "registered",
-        "all controllers of the registry, as they are",
-        lambda: {name: partial(run_laps, name) for name in CONTROLLERS},
+        "all controllers of laps in the registry, as they are",
+        lambda: {name: partial(run_laps, name) for name, one in CONTROLLERS.items() if one.environment == ENVIRONMENT},
         registered_table,
     ),
     **estimated.STUDIES,
