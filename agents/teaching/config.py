@@ -57,6 +57,8 @@ class DAggerConfig(RunConfig):
     """Deflection of a link's tip above which the cost in the teacher's plans rises steeply [m]."""
     plants: tuple[int, int] = setting((3, 3), _counts)
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
+    drawn_paths: int = setting(0, integer, least=0)
+    """How many drawn paths the student is taught on (`teaching.drawn_paths`), each on its own arm; 0: the square."""
     plans: str | None = setting(None, optional, check=_path, kept=False)
     """Folder for the teacher's plans, which several trainings can share; None: `plans` in the folder of the results."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +9,12 @@ from numpy.typing import NDArray
 
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import DAggerConfig
-from flexarm_agents.teaching.teacher import Pupils, Teacher
+from flexarm_agents.teaching.teacher import Teacher
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from flexarm_env.laps import LAPS
 
 Array = NDArray[np.float32]
 TURNS = 50  # [control periods] after which student and teacher are drawn anew
-BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
+RESCUE = 1.0  # correction by the teacher's feedback, as a share of the limits, at which it takes over an arm
 
 
 class Rollout(NamedTuple):
@@ -38,12 +36,11 @@ def run_rollout(
     """
     random = np.random.default_rng([config.seed, number])
     count = config.arms
-    seeds: Sequence[int] = random.integers(2**31, size=count).tolist()
-    branches = [BRANCHES[i % len(BRANCHES)] for i in range(count)]
-    observations, infos = env.reset(seed=seeds, options={"elbow_branch": branches})
+    observations, infos = teacher.begin(env, random)
     noise = config.torque_noise * random.uniform(size=(count, 1))
     share = teacher_share(config, number)
-    begun, age, pupils = np.ones(count, dtype=bool), np.zeros(count, dtype=np.int64), _pupils(env)
+    begun, age = np.ones(count, dtype=bool), np.zeros(count, dtype=np.int64)
+    pupils = teacher.pupils(env, begun)
     state, drives, lost = None, np.ones(count, dtype=bool), 0
     rows: list[tuple[Array, NDArray[np.int64], Array, Array]] = []
     for period in range(teacher.periods):
@@ -55,14 +52,15 @@ def run_rollout(
             if period % TURNS == 0:
                 drives = random.uniform(size=count) < share
             own, state = student.predict(observations, state, begun, deterministic=True)
-            chosen = np.where(drives[:, None], answers, own)
+            far = np.abs(feedback).max(axis=1) > RESCUE
+            chosen = np.where((drives | (far & teacher.rescues))[:, None], answers, own)
         disturbed = chosen + noise * random.normal(size=answers.shape)
         observations, _, terminated, truncated, infos = env.step(disturbed.astype(np.float32))
         begun = terminated | truncated
         age = np.where(begun, 0, age + 1)
         lost += int(terminated.sum())
         if begun.any():
-            pupils = _pupils(env)
+            pupils = teacher.pupils(env, begun, pupils)
     observations, ages, answers, weights = (np.concatenate(column) for column in zip(*rows, strict=True))
     return Rollout(observations, ages, answers, weights, lost)
 
@@ -71,9 +69,3 @@ def teacher_share(config: DAggerConfig, number: int) -> float:
     """Return the share of the time in which the teacher drives: 1 in the first round, less in each one after it."""
     half = max(config.rounds // 2, 1)
     return 1.0 + (config.teacher_share - 1.0) * min(number / half, 1.0)
-
-
-def _pupils(env: FlexArmVectorEnv) -> Pupils:
-    episode = env.episode
-    lap = np.array([BRANCHES.index(branch) for branch in episode.elbow_branch.tolist()])
-    return Pupils(lap, episode.parameters)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch.optim.lr_scheduler import CosineAnnealingLR
 from torch.optim.swa_utils import AveragedModel
 
@@ -35,10 +36,16 @@ class Student:
         index = [*range(observations.shape[1]), *past]
         self._mean = torch.from_numpy(observations.mean(axis=0)[index])
         self._spread = torch.from_numpy(np.maximum(observations.std(axis=0), LEAST_SPREAD)[index])
+        self._index = index
+        self._mirror: tuple[torch.Tensor, ...] = ()  # signs of the inputs and of the actions in the mirror image
         self.network = fully_connected(len(index), config.hidden, first.answers.shape[1], config.activation)
         self.average = AveragedModel(self.network, avg_fn=self._mix)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
         self.schedule = CosineAnnealingLR(self.optimiser, config.rounds * config.updates)
+
+    def mirror_with(self, observation: NDArray[np.float32], action: NDArray[np.float32]) -> None:
+        """Learn from mirror images as well, given the signs of their observations and actions."""
+        self._mirror = torch.from_numpy(observation[self._index]), torch.from_numpy(action)
 
     def fit(self, rollouts: Sequence[Rollout]) -> None:
         """Take the optimiser's steps of one round, on samples of all rollouts alike."""
@@ -48,8 +55,11 @@ class Student:
         total = 0.0
         for _ in range(config.updates):
             chosen = torch.randint(len(observations), (config.batch,))
-            inputs = (self._inputs(observations, ages, chosen) - self._mean) / self._spread
-            errors = torch.square(self.network(inputs) - answers[chosen]).mean(dim=1)
+            inputs, wanted = self._inputs(observations, ages, chosen), answers[chosen]
+            if self._mirror:  # half of the samples
+                turned = torch.randint(2, (config.batch, 1))
+                inputs, wanted = (x * signs**turned for x, signs in zip((inputs, wanted), self._mirror, strict=True))
+            errors = torch.square(self.network((inputs - self._mean) / self._spread) - wanted).mean(dim=1)
             loss = torch.mean(weights[chosen] * errors)
             self.optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]

@@ -32,11 +32,14 @@ from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.task import Task
 from flexarm_env.actions import IDEAL_MOTORS
 from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import shown
 
+Array = NDArray[np.float32]
+Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 WEIGHTS = RegulatorWeights(tip=0.03)  # softer than `GOOD`: a student imitates small gains better than large ones
@@ -44,12 +47,13 @@ OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's pla
 TURN = 2.0 * np.pi
 NEEDED: dict[str, Any] = {"action_mode": "torque", **IDEAL_MOTORS}
 OF_LAPS = {"reference": ("square",), "direction": "clockwise", "control_period": 0.01}  # what needs the plans at hand
+BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
 
 
 class Pupils(NamedTuple):
     """Arms that the teacher drives, with what it may know of them."""
 
-    lap: Indices  # index of the lap that each runs, in the order of `LAPS`. Shape (n,)
+    lap: Indices  # index of the lap or path that each runs, in the order of the plans; -1: of none. Shape (n,)
     parameters: Mapping[str, Floats]  # quantities of their episodes, as `Episode` has them. Shape (n,) each
 
 
@@ -60,10 +64,12 @@ class Teacher:
     plan has then.
     """
 
-    def __init__(self, plans: Bank, limits: tuple[float, float], period: float) -> None:
-        """Keep the plans of the grid, the limits of the torques [N m] and the control period [s]."""
+    rescues = False  # it takes over arms that are far off their plans
+
+    def __init__(self, plans: Any, limits: tuple[float, float], period: float) -> None:
+        """Keep the plans of the grid (`Bank`), the limits of the torques [N m] and the control period [s]."""
         self.plans, self.limits, self.period = plans, np.array(limits), period
-        self.periods = plans.torques.shape[-2]
+        self.periods = plans.torques.shape[-2]  # of a rollout
 
     @classmethod
     def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
@@ -76,15 +82,23 @@ class Teacher:
             for name, count in zip(("payload_mass", "stiffness"), config.plants, strict=True)
         )
         carrying = settings.payload_changes is not None
-        for name, value in (NEEDED if carrying else NEEDED | OF_LAPS).items():
-            if getattr(settings, name) != value:
-                raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
+        check_task(settings, NEEDED if carrying else NEEDED | OF_LAPS)
         if carrying:
             plans = carrying_bank(config, payloads, stiffnesses)
             return cls(plans, settings.motor_limit, settings.control_period)
         wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
         plans = bank(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
         return cls(plans, settings.motor_limit, settings.control_period)
+
+    def begin(self, env: FlexArmVectorEnv, random: np.random.Generator) -> tuple[Array, Mapping[str, Any]]:
+        """Begin the episodes of a rollout; return observations and infos."""
+        seeds = random.integers(2**31, size=env.num_envs).tolist()
+        return env.reset(seed=seeds, options={"elbow_branch": [BRANCHES[i % 2] for i in range(env.num_envs)]})
+
+    def pupils(self, env: FlexArmVectorEnv, begun: Flags, before: Pupils | None = None) -> Pupils:
+        """Return the arms of a batch, some of which have just begun an episode (not the first one: `before`)."""
+        lap = np.array([BRANCHES.index(branch) for branch in env.episode.elbow_branch.tolist()])
+        return Pupils(lap, env.episode.parameters)
 
     def actions(self, pupils: Pupils, period: Indices, states: Floats) -> tuple[NDArray[np.float32], Floats]:
         """Choose actions in [-1, 1], and return how far the feedback changes them. Shape (n, 2) each.
@@ -94,15 +108,15 @@ class Teacher:
             period: control periods since each one's lap began. Shape (n,).
             states: true ones. Shape (n, 4 + 4 m).
         """
-        now = np.minimum(period, self.periods - 1)
+        last = self.plans.torques.shape[-2] - 1
+        now = np.minimum(period, last)
         late = pupils.parameters["actuation_delay"] / self.period
         whole = np.floor(late).astype(np.int64)
-        first, then = (np.minimum(now + whole + more, self.periods - 1) for more in (0, 1))
+        first, then = (np.minimum(now + whole + more, last) for more in (0, 1))
         share = (late - whole)[:, None]
         planned, wanted = np.zeros((len(now), 2)), np.zeros(states.shape)
         gains = np.zeros((len(now), 2, states.shape[1]))
-        for p, s, weight in self._corners(pupils.parameters):
-            place = pupils.lap, p, s
+        for place, weight in self._corners(pupils):
             torques = (1.0 - share) * self.plans.torques[(*place, first)] + share * self.plans.torques[(*place, then)]
             planned += weight[:, None] * torques
             wanted += weight[:, None] * self.plans.states[(*place, now)]
@@ -110,13 +124,22 @@ class Teacher:
         off = states - wanted
         off[:, 0] -= TURN * np.round(off[:, 0] / TURN)
         feedback = np.einsum("nij,nj->ni", gains, off) / self.limits
+        feedback[pupils.lap < 0] = np.inf
         return np.clip(planned / self.limits + feedback, -1.0, 1.0).astype(np.float32), feedback
 
-    def _corners(self, parameters: Mapping[str, Floats]) -> list[tuple[Indices, Indices, Floats]]:
-        """Return the grid's plants about each arm's, by their indices, with their weights."""
+    def _corners(self, pupils: Pupils) -> list[tuple[tuple[Indices, ...], Floats]]:
+        """Return the places of each arm's plans, those of the grid's plants about its own, with their weights."""
+        parameters = pupils.parameters
         payload = _bracket(self.plans.payloads, parameters["payload_mass"])
         stiffness = _bracket(self.plans.stiffnesses, parameters["stiffness"])
-        return [(p, s, one * other) for p, one in payload for s, other in stiffness]
+        return [((pupils.lap, p, s), one * other) for p, one in payload for s, other in stiffness]
+
+
+def check_task(settings: Settings, needed: Mapping[str, Any]) -> None:
+    """Refuse an environment with other options than a teacher needs."""
+    for name, value in needed.items():
+        if getattr(settings, name) != value:
+            raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
 
 
 def _bracket(grid: Floats, values: Floats) -> list[tuple[Indices, Floats]]:
@@ -165,7 +188,7 @@ def bank(
         path = folder / f"{lap}-payload-{payloads[p]:g}-stiffness-{stiffnesses[s]:g}.npz"
         problem = lap_problem(FlexibleArm(plant(arm, payloads[p], stiffnesses[s])), lap, **wishes)
         neighbour = made.get((lap, p - 1, s)) or made.get((lap, p, s - 1)) or load_plan(f"default_{lap}")
-        made[lap, p, s] = _read(path, problem, wishes) or _make(path, problem, neighbour)
+        made[lap, p, s] = read(path, problem, wishes) or _make(path, problem, neighbour)
     return Bank.of(list(made.values()), payloads, stiffnesses)
 
 
@@ -188,12 +211,13 @@ def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters
     return replace(arm, payload_mass=payload, flexural_rigidities=(stiffness * first, stiffness * second))
 
 
-def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
+def read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
     """Return the plan in a file, None if there is none; refuse one of another problem."""
     if not path.is_file():
         return None
     plan = Plan.load(path)
-    if plan.parameters != problem.arm.parameters or any(plan.notes.get(name) != wishes[name] for name in wishes):
+    same = plan.parameters == problem.arm.parameters and np.allclose(plan.reference, problem.reference, atol=1e-9)
+    if not same or any(plan.notes.get(name) != wishes[name] for name in wishes):
         raise ValueError(
             f"{path}: a plan of another arm, or not with {dict(wishes)}; remove it, or name another folder"
         )

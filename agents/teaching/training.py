@@ -15,6 +15,8 @@ from flexarm_agents.environments import make_batch
 from flexarm_agents.policies.encoders import past_readings
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import DAggerConfig
+from flexarm_agents.teaching.drawn_paths import LAP, drawn_path
+from flexarm_agents.teaching.path_teacher import PathTeacher
 from flexarm_agents.teaching.rollouts import Rollout, run_rollout
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
@@ -37,12 +39,19 @@ class DAggerTraining(Rounds):
         """See `Training`."""
         config = self.config
         options = config.options | config.curriculum_options | {"start": "corner"}
+        if config.drawn_paths:
+            options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}
         self.env = env = make_batch(config.environment, config.arms, options)
         plans = self.run.path / "plans" if config.plans is None else Path(config.plans)
-        self.teacher = Teacher.of(config, env.settings, plans)
+        if config.drawn_paths:
+            self.teacher = PathTeacher.along(config, env, plans)
+        else:
+            self.teacher = Teacher.of(config, env.settings, plans)
         torch.manual_seed(config.seed)
         self.rollouts = [self.rollout(None)]
         self.student = Student(config, past_readings(config.lags, env.observation_blocks), self.rollouts[0])
+        if config.drawn_paths:
+            self.student.mirror_with(env.observation_mirror, env.action_mirror)
         self.students: list[dict[str, Any]] = []  # after each round, averages alone
 
     def rollout(self, student: NetworkPolicy | None) -> Rollout:

@@ -5,7 +5,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from flexarm_env.envs.info import info_keys
-from tests.support.envs import REACH, SQUARE, kinds_of, vector
+from tests.support.envs import SQUARE, kinds_of, vector
+
+REACH = "FlexArm/Reach-v0"
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)

@@ -1,0 +1,113 @@
+"""`PathTeacher`: plans for drawn paths on drawn arms, each for the very path and arm of one episode.
+
+A preview controller tracks the path (`optimal.starts`), a few iterations of the solver improve its run, and a
+linear-quadratic regulator keeps the arm to the result. The elbow stays on its side, or changes it at the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm_agents.files import put
+from flexarm_agents.teaching.config import DAggerConfig
+from flexarm_agents.teaching.drawn_paths import PERIOD, TAUGHT
+from flexarm_agents.teaching.teacher import (
+    NEEDED,
+    WEIGHTS,
+    Array,
+    Flags,
+    Floats,
+    Indices,
+    Pupils,
+    Teacher,
+    check_task,
+    plant,
+    read,
+)
+from flexarm_baselines.optimal import Plan, PlanRegulator, SolverOptions, TrackingProblem, optimise
+from flexarm_baselines.optimal.solver import DivergingStartError
+from flexarm_baselines.optimal.starts import along, both_sides
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.limits import rest_state
+
+FIRST = 10**6  # seed of the first planned episode; those after it follow
+OPTIONS = SolverOptions(iterations=4, tolerance=3e-3)  # the fifth would lower an error by less than 1 %
+NEARLY_STRAIGHT = 0.95  # share of the reach from which on an arm may change its elbow's side when it starts
+BAD = 0.3  # [m]: r.m.s. error of a plan that is not taught
+
+
+class Plans(NamedTuple):
+    """Plans and regulators of n episodes."""
+
+    states: Array  # Shape (n, periods + 1, 4 + 4 m)
+    torques: Array  # [N m]. Shape (n, periods, 2)
+    gains: Array  # of feedback on the state's deviation [N m/x]. Shape (n, periods, 2, 4 + 4 m)
+
+
+class PathTeacher(Teacher):
+    """Torques along a plan for each episode; the episodes are those of so many seeds, with other delays each time."""
+
+    rescues = True
+    seeds: Indices  # of the episodes, by plan
+    chosen: Indices  # plan that each arm of the present rollout began with
+
+    @classmethod
+    def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path) -> PathTeacher:
+        """Plan the episodes that the folder has no plans of, and return a teacher with all; the batch is reset."""
+        check_task(env.settings, NEEDED | {"payload_changes": None, "control_period": PERIOD})
+        folder.mkdir(parents=True, exist_ok=True)
+        found: dict[int, Plan] = {}
+        for first in range(0, config.drawn_paths, env.num_envs):
+            seeds = [FIRST + first + i for i in range(env.num_envs)]
+            env.reset(seed=seeds)
+            for i, seed in enumerate(seeds[: config.drawn_paths - first]):
+                if (plan := _plan(config, env, i, folder / f"{seed}.npz")) is not None:
+                    found[seed] = plan
+        tables = [(plan.states, plan.torques, PlanRegulator(plan, WEIGHTS).gains) for plan in found.values()]
+        plans = Plans(*(np.stack(table, dtype=np.float32) for table in zip(*tables, strict=True)))
+        teacher = cls(plans, env.settings.motor_limit, env.settings.control_period)
+        teacher.seeds, teacher.periods = np.array(list(found)), round(TAUGHT / PERIOD)
+        return teacher
+
+    def begin(self, env: FlexArmVectorEnv, random: np.random.Generator) -> tuple[Array, Mapping[str, Any]]:
+        """See `Teacher`."""
+        count = env.num_envs
+        self.chosen = random.choice(len(self.seeds), count, replace=len(self.seeds) < count)
+        drawn = {name: random.uniform(*env.settings.range_of(name), count) for name in ("delay", "actuation_delay")}
+        return env.reset(seed=self.seeds[self.chosen].tolist(), options={"parameters": drawn})
+
+    def pupils(self, env: FlexArmVectorEnv, begun: Flags, before: Pupils | None = None) -> Pupils:
+        """See `Teacher`; an episode that an arm begins when it has lost another has no plan."""
+        lap = self.chosen if before is None else np.where(begun, -1, before.lap)
+        return Pupils(lap, env.episode.parameters)
+
+    def _corners(self, pupils: Pupils) -> list[tuple[tuple[Indices, ...], Floats]]:
+        return [((pupils.lap,), np.ones(len(pupils.lap)))]
+
+
+def _plan(config: DAggerConfig, env: FlexArmVectorEnv, index: int, path: Path) -> Plan | None:
+    """Return the plan of an environment's present episode, by its file or made and put there; None: there is none.
+
+    Raises:
+        ValueError: if the file has a plan for another episode.
+    """
+    drawn = {name: float(values[index]) for name, values in env.episode.parameters.items()}
+    parameters = plant(env.settings.flexible_arm.parameters, drawn["payload_mass"], drawn["stiffness"])
+    arm = FlexibleArm(replace(parameters, damping_ratio=drawn["damping"]))
+    reference, side = env.simulator.path(index), env.episode.elbow_branch[index]
+    wishes: dict[str, Any] = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
+    problem = TrackingProblem(arm, rest_state(arm, reference[0], side), reference, env.settings.motor_limit, **wishes)
+    if (plan := read(path, problem, wishes)) is None:
+        near = np.linalg.norm(reference[0]) > NEARLY_STRAIGHT * arm.parameters.reach
+        runs = [along(problem, way) for way in both_sides(side, PERIOD)[: 1 + near]]
+        with suppress(DivergingStartError):
+            plan = Plan.of(problem, optimise(problem, min(runs, key=problem.cost), OPTIONS))
+            put(path, lambda aside: plan.save(aside, run=False))
+    return plan if plan is not None and plan.notes["log"]["cost"][-1] < BAD**2 else None
