@@ -99,7 +99,7 @@ board-docs: $(HAS)-draw $(HAS)-agent  ## Bring all pages, laps and pictures up t
 	$(PY) -m scripts.leaderboard --no-measure
 	$(PY) -m scripts.docs.environments --no-pictures
 	$(PY) -m scripts.shipped --no-train
-	$(PY) -m scripts.learning --only delays spillover --docs
+	$(PY) -m scripts.learning --only delays shapes --docs
 	$(PY) -m scripts.docs.replays
 	$(PY) -m scripts.docs.pictures
 

@@ -43,11 +43,15 @@ class PlanFollower(PlanController):
 
     def start(self, seen: Seen) -> Memory:
         """Choose each arm's plan."""
-        return (self.nearest(seen["state"][:, :2], self.period_of(seen)),)
+        return (self.nearest(self._state(seen)[:, :2], self.period_of(seen)),)
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Return the plan's torques with feedback; see `TorqueController.torque`."""
         (chosen,) = memory
         at = chosen, self.period_of(seen)
-        off = within_half_a_turn(seen["state"] - self._states[at])
+        off = within_half_a_turn(self._state(seen) - self._states[at])
         return self._torques[at] + product(self._gains[at], off), memory
+
+    def _state(self, seen: Seen) -> Floats:
+        """Return the arms' states. Shape (n, 4 + 4 m)."""
+        return seen["state"]

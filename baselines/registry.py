@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
+from flexarm_baselines.gauged_tracking import GaugedTracking
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, RaceLQG, StampedLQG
@@ -112,6 +113,11 @@ CONTROLLERS: dict[str, Controller] = {
         JointTracking,
         "command shaping: a corner-blended reference, feed-forward of the bending arm, filtered joint feedback",
         f"Banerjee & Singhose, J. Guidance, Control, and Dynamics 21, 1998; {BAYO}",
+    ),
+    "shaped_gauges": Controller(
+        GaugedTracking,
+        "as `shaped`, with linear-quadratic feedback of the state that encoders and strain gauges read",
+        f"Banerjee & Singhose, J. Guidance, Control, and Dynamics 21, 1998; {ANDERSON_MOORE}, chapter 3",
     ),
     "plan_lqr": Controller(
         PlanFollower,

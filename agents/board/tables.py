@@ -19,6 +19,17 @@ UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
 LOST = "lost"
 UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
+FIELD = (
+    "lqg",
+    "lqg_imu",
+    "hinf",
+    "shaped",
+    "shaped_gauges",
+    "computed_torque",
+    "computed_torque_dob",
+    "nmpc",
+    "nmpc_deflection",
+)
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown")
 
 
@@ -260,7 +271,8 @@ def tables(board: Board) -> dict[str, str]:
     writers: dict[str, Callable[[Board], str]] = {}
     if "nominal" in names:
         writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
-        writers |= {"short_ranking": short_ranking} if "unknown" in names and board["rows"] else {}
+        if "unknown" in names and board["rows"]:
+            writers |= {"short_ranking": short_ranking, "field_ranking": partial(short_ranking, names=FIELD)}
     writers |= {f"axis_{name}": partial(axis, name) for name in names if name != "nominal" and not COLUMNS[name].sample}
     for name, write in writers.items():
         found[name] = write(board)

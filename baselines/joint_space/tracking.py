@@ -194,18 +194,32 @@ class JointTracking(TorqueController):
         Returns:
             The targets; of a start, up to the period before it in the next lap.
         """
+        begun, size = 0 if period is None else period, self.arm.size
+        states, torques = self.motion(side, period)
+        joints = states[:-1, [0, 1, size, size + 1]]
+        times = self.task.period * (begun + np.arange(len(joints)))
+        found = Targets(joints, torques, self._gains(times, joints))
+        return Targets(*(np.roll(one, begun, axis=0) for one in found))
+
+    def motion(self, side: float, period: int | None) -> tuple[Floats, Floats]:
+        """Return the motion of a lap and its feed-forward.
+
+        Args:
+            side: see `targets`.
+            period: see `targets`.
+
+        Returns:
+            States at the beginning of each control period and at the end, Shape (periods + 1, 4 + 4 m), and torques,
+            held [N m], Shape (periods, 2).
+        """
         task, begun = self.task, 0 if period is None else period
         instants = task.period * (begun + np.arange(task.periods + 1, dtype=np.float64))
         count = round((task.lap_time + 2.0 * MARGIN) / FINE)
         times = instants[0] - MARGIN + FINE * np.arange(count + 1)
-        motion = self._carried(times, self._joints(times, side, None if period is None else instants[0]))
-        size = self.arm.size
-        states = CubicSpline(times, motion.states)(instants[:-1])
+        found = self._carried(times, self._joints(times, side, None if period is None else instants[0]))
         acting = instants + task.actuation_delay  # what is commanded then acts later
-        impulse = CubicSpline(times, motion.torques).antiderivative()(acting)
-        joints = states[:, [0, 1, size, size + 1]]
-        found = Targets(joints, np.diff(impulse, axis=0) / task.period, self._gains(instants[:-1], joints))
-        return Targets(*(np.roll(one, begun, axis=0) for one in found))
+        impulse = CubicSpline(times, found.torques).antiderivative()(acting)
+        return CubicSpline(times, found.states)(instants), np.diff(impulse, axis=0) / task.period
 
     def _joints(self, times: Floats, side: float, start: float | None) -> Floats:
         """Return joint angles of the arm with straight links along the shaped reference. Shape (n, 2)."""

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from flexarm_agents.evaluation.candidates import ENVIRONMENT
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.lqg import LQG
 from flexarm_baselines.lqg.ilc import Lap, learned
@@ -19,7 +20,6 @@ from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH, plain_ticks
 from scripts.common.study import Study, Trial, Trials
 from scripts.control.trials import drawn
-from scripts.control.unknown import ENVIRONMENT
 
 LEARNED, ARMS = 10, 16
 NOISES = {name: value for name, value in UNKNOWN_PLANT.items() if name != "randomisation"}

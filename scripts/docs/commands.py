@@ -1,4 +1,4 @@
-"""Write the tables of docs/reference/command_line.md: options of `flexarm` and of the studies, from their parsers."""
+"""Write the tables of docs/reference/command_line.md from the parsers of `flexarm` and of `scripts.train`."""
 
 from __future__ import annotations
 
@@ -12,20 +12,14 @@ from flexarm_agents.commands.arguments import EXAMPLES, Reader
 from flexarm_agents.commands.train import parser as training
 from flexarm_agents.training.config import ALGORITHMS
 from scripts import train as trainings
-from scripts.analysis import __main__ as analysis
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
-from scripts.common.study import usual
-from scripts.control import __main__ as control
-from scripts.leaderboard import __main__ as whole_board
-from scripts.learning import __main__ as learning
 
-STUDIES = ("paper", "optimise", "benchmarks", "shipped", "make_dataset")
 DEFAULT = re.compile(r" \(default: (.*)\)$")
 
 
 def text() -> str:
-    """Write a section for each verb of `flexarm`, and a table of the studies."""
+    """Write a section for each verb of `flexarm`, and one for `scripts.train`."""
     parts: list[str] = []
     seen: dict[tuple[str, str], str] = {}  # each row, and the command that has it first
     for verb, (name, _) in VERBS.items():
@@ -33,23 +27,8 @@ def text() -> str:
         parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
         parts.append(algorithms() if verb == "train" else options_table(reader, seen))
         parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
-    rows: list[tuple[str, str]] = []
-    for reader in programs():
-        new, old = split(reader, seen)
-        rows += [(f"**`{reader.prog}`**", f"**{about(reader).partition(': nominal')[0].rstrip('.')}.**{old}"), *new]
-    return "\n".join((*parts, "## Programs of a clone\n", table(("option", "meaning"), rows)))
-
-
-def programs() -> Iterator[Reader]:
-    """Yield the parsers of the programs that a clone has."""
-    for name in STUDIES:
-        package = import_module(f"scripts.{name}")
-        module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")
-        yield parser(f"python -m scripts.{name}", module.Options())
-    for name, one in {"analysis": analysis, "control": control, "learning": learning}.items():
-        yield parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT)
-    yield whole_board.parser()
-    yield parser("python -m scripts.train", trainings.Options())
+    reader = parser("python -m scripts.train", trainings.Options())
+    return "\n".join((*parts, f"## `{reader.prog}`\n", f"{about(reader)}\n", options_table(reader, seen)))
 
 
 def about(reader: Reader) -> str:

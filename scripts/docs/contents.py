@@ -118,7 +118,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/predictive": "Nonlinear model predictive control at 100 Hz.",
             "docs/field_entries": "An IMU, a disturbance observer, H-infinity control, learning from lap to lap.",
             "docs/derivatives": "Derivatives of the dynamics, for planners and for other libraries.",
-            "docs/learning/README": "What learning gives: algorithms, starts, remedies against delay, ten seeds each.",
+            "docs/learning/README": "What delay costs, what teaching is worth, what is lost on other arms.",
             "docs/reproduction": "Green & Sasiadek (2008) repeated: which of its claims hold.",
         },
     ),
@@ -142,10 +142,7 @@ PARTS: Mapping[str, Sequence[str]] = {
         *("docs/environments/options", "docs/environments/square", "docs/environments/square_*"),
         *("docs/environments/track", "docs/environments/reach", "docs/environments/paper", "docs/environments/*"),
     ),
-    "docs/learning/README": tuple(
-        f"docs/learning/{page}"
-        for page in ("late_sensor", "exploration", "algorithms", "classical_laws", "students", "model_error")
-    ),
+    "docs/learning/README": tuple(f"docs/learning/{page}" for page in ("late_sensor", "teaching", "gaps")),
     "docs/recipes/README": ("docs/recipes/*",),
     "api/index": tuple(f"api/{name}" for name in MODULES),
 }

@@ -30,10 +30,11 @@ PICTURES = {
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
+SHOWN = (PAGE, "field_entries.md", "../README.md")  # pages with its tables
 
 
 def update_docs(folder: Path) -> None:
-    """Fill the page and the README by a folder's tables; copy its JSON and pictures. What it lacks stays as it is."""
+    """Fill the pages by a folder's tables; copy its JSON and pictures. What it lacks stays as it is."""
     target = DOCS / "figures" / "leaderboard"
     target.mkdir(parents=True, exist_ok=True)
     tables = kept_tables(folder)
@@ -41,7 +42,7 @@ def update_docs(folder: Path) -> None:
         tables[f"picture_{Path(name).stem}"] = f"![{text}](figures/leaderboard/{name})\n"
         if (folder / "figures" / name).exists():
             shutil.copyfile(folder / "figures" / name, target / name)
-    for page in (DOCS / PAGE, DOCS.parent / "README.md"):
+    for page in (DOCS / name for name in SHOWN):
         page.write_text(filled(page.read_text(), tables))
         print(f"{page}: up to date")
     shutil.copyfile(folder / DATA, PUBLISHED)

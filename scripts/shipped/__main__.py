@@ -76,7 +76,6 @@ def write_tables(output: Path) -> None:
     texts = {
         "agent_scores": tables.scores(AGENTS),
         "agent_costs": tables.costs(cards),
-        "agent_conditions": tables.conditions({name: load_policy(name) for name in ("square", "student")}),
         "nominal_plant": board.nominal(cards),
         "unknown_plant": board.unknown(cards),
     }

@@ -1,6 +1,6 @@
 """The tables of the pages about agents that show the shipped ones' scores."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from flexarm_agents import Score, StandardScore, Trained, evaluate, load_policy
@@ -14,20 +14,6 @@ from scripts.common.spreads import millimetres
 from scripts.shipped.agents import AGENTS
 
 GAIN = "FlexArm/SquareGain-v0"
-CONDITIONS: dict[str, dict[str, Any]] = {
-    "as trained": {},
-    "frequencies -10 %": {"randomisation": {"stiffness": (0.81, 0.81)}},
-    "frequencies +10 %": {"randomisation": {"stiffness": (1.21, 1.21)}},
-    "payload 0.1 kg": {"randomisation": {"payload_mass": (0.1, 0.1)}},
-    "payload 0.5 kg": {"randomisation": {"payload_mass": (0.5, 0.5)}},
-    "sensor noise 5 mm": {"noise": 0.005},
-    "sensor delay 50 ms": {"delay": 0.05},
-    "no sensor delay": {"delay": 0.0},
-    "linear kinematics": {"arm": {"kinematics": "linear"}},
-    "modal damping": {"arm": {"damping_model": "modal"}},
-    "circle": {"reference": "circle"},
-    "counterclockwise": {"direction": "counterclockwise"},
-}
 ERRORS = ("r.m.s. [mm]", "after 2 s [mm]", "maximum [mm]")
 
 
@@ -77,28 +63,6 @@ def costs(cards: Mapping[str, dict[str, Any]]) -> str:
         least = f"{min(seconds) / 60.0:.1f}"
         rows.append((f"`{name}`", str(len(seconds)), f"{min(steps):,} to {max(steps):,}", least))
     return table(("agent", "seeds", "environment steps", "minutes, least of the seeds"), rows)
-
-
-def conditions(agents: Mapping[str, Trained], names: Iterable[str] = CONDITIONS) -> str:
-    """Tabulate the scores of shipped agents under changed conditions."""
-    scores = zip(*(condition_scores(agent, names) for agent in agents.values()), strict=True)
-    head = ("condition", *(f"`{name}`: {lap}" for name in agents for lap in LAPS))
-    return table(head, ([found[0][0], *(_both(lap) for _, score in found for lap in score)] for found in scores))
-
-
-def _both(score: Score) -> str:
-    """Write a lap's errors over the lap / after 2 s."""
-    return " / ".join(errors(score)[:2]) if score.complete else errors(score)[0]
-
-
-def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Iterator[tuple[str, StandardScore]]:
-    """Run both laps under each of some conditions."""
-    for name in names:
-        options = CONDITIONS[name]
-        own = {"preset": agent.options.get("arm", "default")}
-        env = agent.make_env(**options | ({"arm": own | options["arm"]} if "arm" in options else {}))
-        yield name, evaluate(env, agent.policy)
-        env.close()
 
 
 def errors(score: Score) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.markdown import shown_blocks
@@ -22,35 +21,13 @@ def cards() -> dict[str, dict[str, Any]]:
     return {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
 
 
-def shown() -> dict[str, Any]:
-    """Read the agents whose conditions are changed."""
-    return {name: load_policy(name) for name in ("square", "student")}
-
-
 def test_every_table_is_on_a_page() -> None:
-    shipped = {"agent_scores", "agent_costs", "agent_conditions"}
+    shipped = {"agent_scores", "agent_costs"}
     assert {*shipped, "nominal_plant", "unknown_plant"} <= shown_blocks().keys()
 
 
 def test_the_scores_are_what_laps_give() -> None:
     assert shown_blocks()["agent_scores"] == tables.scores(AGENTS)
-
-
-OF_THEIR_OWN = {"linear kinematics"}  # conditions whose kernels no other test uses
-
-
-def test_the_conditions_give_what_the_page_says() -> None:
-    head, rule, *lines = shown_blocks()["agent_conditions"].splitlines()
-    told = [line.split(" | ")[0].strip("| ") for line in lines]
-    assert told == [*tables.CONDITIONS]
-    kept = [line for line, condition in zip(lines, told, strict=True) if condition not in OF_THEIR_OWN]
-    names = [condition for condition in tables.CONDITIONS if condition not in OF_THEIR_OWN]
-    assert [head, rule, *kept] == tables.conditions(shown(), names).splitlines()
-
-
-@pytest.mark.slow
-def test_all_conditions_give_what_the_page_says() -> None:
-    assert shown_blocks()["agent_conditions"] == tables.conditions(shown())
 
 
 # Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;

@@ -8,10 +8,8 @@ from flexarm_env.envs.info import info_keys
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES, ENDS
-from tests.support.envs import make, vector
+from tests.support.envs import REACH, make, vector
 from tests.support.refusals import refuses
-
-REACH = "FlexArm/Reach-v0"
 
 
 def test_success_is_a_lap_with_a_quiet_final_rest() -> None:

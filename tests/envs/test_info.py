@@ -5,9 +5,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from flexarm_env.envs.info import info_keys
-from tests.support.envs import SQUARE, kinds_of, vector
-
-REACH = "FlexArm/Reach-v0"
+from tests.support.envs import REACH, SQUARE, kinds_of, vector
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)

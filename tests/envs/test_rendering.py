@@ -1,10 +1,8 @@
 """`Renderer`: what a picture shows, and where it can be drawn."""
 
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.rendering import BLUE, FAR, ORANGE, Renderer, Snapshot
 from flexarm_env.extras import install_command
+from tests.support.envs import in_fresh_process
 from tests.support.programs import ROOT
 from tests.support.refusals import refuses
 
@@ -180,20 +179,17 @@ def test_a_long_trace_is_thinned(pygame: Any, renderer: Renderer) -> None:
         assert 250 < polygon.call_count < 1000
 
 
-def test_needs_no_display_and_no_environment_variable(tmp_path: Path) -> None:
+def test_needs_no_display_and_no_environment_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     code = (
-        "import sys; from tests.envs.test_rendering import SCENE, Renderer; renderer = Renderer('rgb_array', 100); "
-        "assert 'pygame' not in sys.modules; assert renderer.draw(SCENE).shape == (100, 100, 3); "
+        "import sys; sys.path.insert(0, sys.argv[1]); from tests.envs.test_rendering import SCENE, Renderer; "
+        "renderer = Renderer('rgb_array', 100); assert 'pygame' not in sys.modules; "
+        "assert renderer.draw(SCENE).shape == (100, 100, 3); "
         "import pygame; assert not pygame.display.get_init(); renderer.close()"
     )
-    unwanted = ("SDL_", "PYGAME_", "DISPLAY", "WAYLAND_DISPLAY")
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(unwanted)}
-    environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), *sys.path])
-    command = [sys.executable, "-W", "error", "-c", code]
-    result = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
-    assert result.returncode == 0, result.stderr
-    assert result.stdout == ""  # a library does not print
+    for name in [name for name in os.environ if name.startswith(("SDL_", "PYGAME_", "DISPLAY", "WAYLAND_DISPLAY"))]:
+        monkeypatch.delenv(name)
+    assert in_fresh_process(code, str(ROOT)) == ""  # a library does not print
 
 
 def test_a_window_opens_and_closes(pygame: Any) -> None:

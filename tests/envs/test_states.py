@@ -10,11 +10,8 @@ import pytest
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, RESIDUAL, SQUARE, bare, in_fresh_process, vector
+from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, in_fresh_process, vector
 from tests.support.refusals import label, refuses
-
-REACH = "FlexArm/Reach-v0"
-
 
 ONE_MODE = {"modes_per_link": 1}
 DRAWN = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}

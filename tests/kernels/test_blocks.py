@@ -13,6 +13,7 @@ from tests.support.envs import (
     GAIN,
     PAPER,
     RANDOM,
+    REACH,
     RESIDUAL,
     SQUARE,
     actions_for,
@@ -23,7 +24,6 @@ from tests.support.envs import (
 )
 from tests.support.plain import KERNELS
 
-REACH = "FlexArm/Reach-v0"
 # Equally late readings without anything random, which a block takes from its delay line together (`sensor`).
 ALIKE: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {}),

@@ -11,12 +11,10 @@ from typing import NamedTuple
 
 import pytest
 
-from flexarm_env.envs import batch
 from tests.support.programs import ROOT
 
 FOLDER = ROOT / "docs" / "recipes"
 FENCE = re.compile(r"^```(python|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-OWN = ("vector_loop", "python_control")  # with what the extra `test` brings
 LIBRARIES = {
     "casadi": ("casadi",),
     "cleanrl": ("torch", "tyro"),
@@ -60,21 +58,12 @@ def commands(fence: Fence) -> list[list[str]]:
 
 
 def test_every_recipe_is_tried() -> None:
-    assert {path.stem for path in FOLDER.glob("*.md")} == {*OWN, *LIBRARIES, *WITHOUT_SNIPPETS}
-    for page in (*OWN, *LIBRARIES):
+    assert {path.stem for path in FOLDER.glob("*.md")} == {*LIBRARIES, *WITHOUT_SNIPPETS}
+    for page in LIBRARIES:
         assert fences(page)
         for fence in fences(page):
             lines = fence.text.replace("\\\n", " ").splitlines()
             assert fence.language == "python" or all(re.match(r"(pip|python|flexarm) ", line) for line in lines), page
-
-
-@pytest.mark.parametrize("page", OWN)
-def test_our_own_recipes_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(batch, "COSTS", {8: 1.0})  # however many environments: the blocks that other tests compile
-    for fence in fences(page):
-        if fence.language == "python":
-            exec(compile(fence.text, f"{page}.md", "exec"), {"__name__": "__main__"})
 
 
 @pytest.mark.slow

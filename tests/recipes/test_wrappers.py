@@ -9,7 +9,6 @@ import pytest
 import torch
 from gymnasium.wrappers import vector
 
-from tests.recipes import wrappers
 from tests.recipes.wrappers import BATCH, LIMIT, SHORT, SINGLE, VECTORS, Row
 from tests.support.envs import SQUARE, assert_same, make, shared_arm
 from tests.support.envs import vector as make_batch
@@ -47,13 +46,13 @@ def test_wrappers_of_one_environment(row: Row, tmp_path: Path, monkeypatch: pyte
     if not hasattr(gym.wrappers, row.name):
         pytest.skip("this Gymnasium is older than the wrapper")
     monkeypatch.chdir(tmp_path)
-    check((row.wrap or getattr(gym.wrappers, row.name))(make(**row.options)))
+    check(row.wrap(gym.wrappers, make(**row.options)))
 
 
 @pytest.mark.parametrize("row", cases(BATCH))
 def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    check((row.wrap or getattr(vector, row.name))(make_batch(**row.options)))
+    check(row.wrap(vector, make_batch(**row.options)))
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
@@ -76,7 +75,3 @@ def test_kinds_of_vectors(name: str) -> None:
     for one, other in zip(found, expected, strict=True):
         assert_same(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])
-
-
-def test_the_page_is_that_of_the_rows() -> None:
-    assert wrappers.PAGE.read_text(encoding="utf-8") == wrappers.page(), "run: python -m tests.recipes.wrappers"

@@ -198,7 +198,8 @@ def test_what_is_shown_may_be_made_anew_without_measuring(
     docs.mkdir()
     blocks = "".join(f"<!-- generated: {name} -->\nold\n<!-- end -->\n" for name in ("ranking", "times"))
     (docs / study.PAGE).write_text(blocks)
-    (tmp_path / "README.md").write_text("")
+    for other in study.SHOWN[1:]:
+        (docs / other).write_text("")
     data.write_text(json.dumps(measuring.rounded(small)))
     monkeypatch.setattr(study, "DOCS", docs)
     monkeypatch.setattr(study, "PUBLISHED", data)

@@ -35,6 +35,7 @@ BY_THE_CLOCK = [name for name in TERMS if name not in OF_RACES]  # terms of ever
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
+REACH = "FlexArm/Reach-v0"
 TORQUE_LIMITS = np.array([150.0, 50.0])  # the defaults [N m]
 FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}  # only an invalid state ends an episode
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
