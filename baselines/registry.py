@@ -24,6 +24,7 @@ from flexarm_baselines.gauged_tracking import GaugedTracking
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, RaceLQG, StampedLQG
+from flexarm_baselines.lqg.race_paced import PacedAdaptiveLQG, PredictiveRace
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
@@ -85,6 +86,7 @@ class Controller:
 
 BAYO = "Bayo, J. Robotic Systems 4, 1987"
 ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
+DAHL = "Dahl & Nielsen, IEEE Trans. Robotics and Automation 6, 1990"
 DIEHL = "Diehl, Bock & Schloeder, SIAM J. Control and Optimization 43, 2005"
 LJUNG = "Ljung, IEEE Trans. Automatic Control 24, 1979"
 GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
@@ -156,6 +158,20 @@ CONTROLLERS: dict[str, Controller] = {
         "`lqg` along the best known plan of a race, with the plan's speeds of the reference",
         f"{ANDERSON_MOORE}, chapter 8",
         environment="FlexArm/Race-v0",
+    ),
+    "race_lqg_adaptive": Controller(
+        PacedAdaptiveLQG,
+        "`lqg_adaptive` along a slower plan of a race, which waits for the arm, and the reference with it",
+        f"{DAHL}; {LJUNG}",
+        {"plan": "steady"},
+        "FlexArm/Race-v0",
+    ),
+    "race_predictive": Controller(
+        PredictiveRace,
+        "as `race_lqg_adaptive`, with the pace whose prediction is the best (progress as the only input)",
+        f"{DAHL}; Lam, Manzie & Good, CDC 2010",
+        {"plan": "steady"},
+        "FlexArm/Race-v0",
     ),
     "nmpc": Controller(
         NMPC,

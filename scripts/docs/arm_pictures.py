@@ -54,7 +54,7 @@ def _frame(laps: dict[str, Lap], time: float) -> Image.Image:
         axis.plot(*rigid(lap.q[now]).T, **NARROW)
         draw_arm(axis, lap.q[now])
         axis.plot(*lap.tip[: now + 1].T, color=ORANGE, linewidth=2.0)
-        _marks(axis, lap, now)
+        marks(axis, lap, now)
         axis.text(0.7, -5.9, f"tip {lap.away[now]:.2f} m off", ha="right", fontsize=17, color=LETTERS)
         axis.text(0.7, 0.55, "shoulder", ha="right", fontsize=12, color=INK)
         axis.text(-6.15, 0.3, "path", fontsize=12, color=SOFT)
@@ -66,17 +66,18 @@ def _frame(laps: dict[str, Lap], time: float) -> Image.Image:
     left.text(0.7, -7.1, f"{time:.2f} s", ha="right", fontsize=17, color=INK)
     left.text(-6.3, -7.1, f"{SLOWER} times slower", fontsize=12, color=SOFT)
     axes[1].text(0.7, -7.1, "dashed: rigid links, same joint angles", ha="right", fontsize=12, color=SOFT)
-    return _image(figure)
+    return image(figure)
 
 
-def _marks(axis: Axes, lap: Lap, now: int) -> None:
+def marks(axis: Axes, lap: Lap, now: int) -> None:
     """Mark the true tip and where it should be."""
     tip, target = lap.tip[now], lap.reference[now]
     axis.plot(*target, "o", markersize=15, markerfacecolor="none", color=BLUE, markeredgewidth=2.4)
     axis.plot(*tip, "o", markersize=9, color=ORANGE)
 
 
-def _image(figure: Figure) -> Image.Image:
+def image(figure: Figure) -> Image.Image:
+    """Return a figure as a picture, and close it."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png", dpi=figure.dpi)
         plt.close(figure)

@@ -1,4 +1,4 @@
-"""Pictures of motion: a late sensor, the tip's wrong way, the best plan, a corner with and without rounding."""
+"""Pictures of motion: a late sensor, the tip's wrong way, best plans, a corner with and without rounding."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
+from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.optimal.plan import PLANS
 from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, WIDTH, headline, label_ends, write
-from scripts.docs.arm_pictures import LETTERS, PURPLE
-from scripts.docs.drawn_arm import ARM, bare, draw_arm, draw_path, recorded
+from scripts.docs.arm_pictures import LETTERS, PURPLE, QUALITY, image, marks
+from scripts.docs.drawn_arm import ARM, Lap, bare, draw_arm, draw_path, recorded
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 
 SHOWN = (0.77, 0.89)  # of the lap [s]; the tip moves evenly there
@@ -23,6 +24,8 @@ PUSH, RISE = 20.0, 0.03  # a torque [N m], and how long it takes to rise [s]
 MOMENTS = (0, 12, 24, 36, 48, 60)  # periods of a plan
 TORQUE_LIMITS = (150.0, 50.0)  # [N m]
 CORNER, ABOUT = 8.0, 0.45  # time of a corner, and what is shown before and after it [s]
+FRAME, REST = 0.06, 2.0  # of the race: between frames, on the last one [s]
+LAP, SLOW = 50.4, 16.0  # the way round [m], and the paper's time for it [s]
 
 
 def late_sensor(path: Path) -> None:
@@ -126,3 +129,30 @@ def best_plan(path: Path) -> None:
     label_ends(right, joints, plan.torques[99])
     headline(figure, "Best plan known for the start of the swing lap: the elbow swings through the straight arm")
     write(figure, path)
+
+
+def race(path: Path) -> None:
+    """Draw the fastest lap of the best known race beside the paper's lap, in real time, as an animated WebP."""
+    plan = race_plan()
+    q, fastest = plan.states[:, : ARM.size], plan.notes["lap_times"][1]
+    whole = Lap(plan.time, q, ARM.tip(q), ARM.tip(q), plan.reference, plan.torques)
+    begun = np.interp(LAP * np.arange(3), plan.notes["ways"], plan.time)
+    begin = float(begun[np.argmin(np.diff(begun, append=plan.notes["lap_times"][2]))])
+    paper, frames = recorded("flsac", "plain"), []
+    for time in np.append(np.arange(0.0, fastest, FRAME), fastest):
+        figure, axes = plt.subplots(1, 2, figsize=(9.6, 5.6), dpi=70)
+        share = f"{100.0 * time / SLOW:.0f} % of a lap"
+        sides = (("FLSAC, the paper's controller", paper, time, share), ("best known race", whole, begin + time, ""))
+        for axis, (title, one, instant, text) in zip(axes, sides, strict=True):
+            now = one.at(instant)
+            bare(axis, (-8.2, 8.2), (-8.2, 8.2))
+            axis.set_title(title, fontsize=14, color=INK)
+            draw_path(axis)
+            draw_arm(axis, one.q[now], width=4.0)
+            axis.plot(*one.tip[one.at(instant - time) : now + 1].T, color=ORANGE, linewidth=2.0)
+            marks(axis, one, now)
+            axis.text(0.0, -8.1, text or f"{time:.2f} s", ha="center", fontsize=14, color=INK)
+        frames.append(image(figure))
+    durations = [round(1e3 * FRAME)] * (len(frames) - 1) + [round(1e3 * REST)]
+    options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6}
+    frames[0].save(path, save_all=True, append_images=frames[1:], **options)

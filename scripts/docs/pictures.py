@@ -19,6 +19,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "corner.png": motion_pictures.corner,
     "wrong_way.png": motion_pictures.wrong_way,
     "best_plan.png": motion_pictures.best_plan,
+    "race.webp": motion_pictures.race,
     "payload.png": overview_pictures.payload,
     "error_over_loss.png": overview_pictures.error_over_loss,
     "distance_from_chain.png": overview_pictures.distance_from_chain,

@@ -5,6 +5,9 @@ that keep the tip near the reference are optimised, with a steep cost of distanc
 tip, faster where the distance is small and slower where it is large. *Polish*: the race is stretched in time until
 torques keep the tip within the limit; instants that are beyond it weigh more and more. `--ship` puts the plan where the
 package has it.
+
+`--slower 1.4` makes another plan, "steady", for arms that differ: the beginning's speeds, so many times slower, and
+torques that keep the tip near them and leave some for feedback.
 """
 
 from __future__ import annotations
@@ -43,6 +46,8 @@ DEFLECTION = 1.25  # [m], from which bending costs; a race is lost at 1.5
 BOUND = 0.21  # [m]; distance at which the steep cost is 1 in its unit
 BEYOND = 1.5  # [m] that a plan goes on after the race, so that its end costs nothing
 STRETCHES = (1.03, 1.04, 1.05, 1.06, 1.08, 1.1)
+# Of the steady plan: share of the torques, links' deflection from which bending costs [m], and the solver's iterations.
+SPARING, UNBENT, ITERATIONS = 0.75, 0.9, 30
 
 
 @dataclass
@@ -55,6 +60,8 @@ class Options:
     """Moves of the reference."""
     rounds: int = 120
     """Rounds in which weights change, for each stretch of time."""
+    slower: float = 0.0
+    """How much slower than `START` the steady plan is, which is then made in the place of the best one."""
     ship: bool = False
     """Copy the plan to baselines/plans."""
 
@@ -95,9 +102,15 @@ class Race:
         """Return the instant at which the race is over."""
         return int(np.searchsorted(ways, self.length))
 
-    def begin(self) -> Floats:
-        """Return the ways of `START`."""
-        corner, even, first, most = START
+    def near(self, ways: Floats, **own: Any) -> tuple[TrackingProblem, Rollout]:
+        """Return the problem of being as near to a reference as one can, and where its solution begins."""
+        reference = self.path.position(ways)
+        problem = TrackingProblem(self.arm, rest_state(self.arm, reference[0], self.branch), reference, **own)
+        return problem, along(problem, (Branch(0.0, self.branch),))
+
+    def begin(self, slower: float = 1.0) -> Floats:
+        """Return the ways of `START`, with speeds that many times lower."""
+        corner, even, first, most = np.array(START) / slower ** np.array((1.0, 2.0, 2.0, 1.0))
         ways, side = np.arange(0.0, self.length + 2.0 * BEYOND, 0.005), 0.25 * self.path.lap_time
         within = ways % side
         rise = np.where(ways < side, np.sqrt(2.0 * first * within + 1e-4), np.sqrt(corner**2 + 2.0 * even * within))
@@ -139,10 +152,7 @@ class Race:
 def chase(race: Race, passes: int) -> tuple[Floats, Rollout]:
     """Return ways and a run that are fast, and off by a little more than is allowed."""
     ways = race.begin()
-    near = TrackingProblem(
-        race.arm, rest_state(race.arm, race.path.position(0.0), race.branch), race.path.position(ways)
-    )
-    found = improved(near, along(near, (Branch(0.0, race.branch),)), 15)
+    found = improved(*race.near(ways), 15)
     for n in range(passes):
         problem = race.problem(ways, np.ones(len(ways)))
         found = improved(problem, found, 5)
@@ -183,6 +193,14 @@ def polish(race: Race, ways: Floats, found: Rollout, rounds: int) -> tuple[Float
     return best
 
 
+def steady(race: Race, slower: float) -> Plan:
+    """Return a plan with torque to spare, so many times slower than `START`."""
+    ways, limits = race.begin(slower), (150.0 * SPARING, 50.0 * SPARING)
+    problem, start = race.near(ways, limits=limits, change_weight=1e-4, deflection_limit=UNBENT)
+    found = improved(problem, start, ITERATIONS)
+    return plan_of(race, ways, found, largest(race, ways, race.off(problem, found)))
+
+
 def improved(problem: TrackingProblem, start: Rollout, iterations: int) -> Rollout:
     """Return a run after some iterations of the solver, or after none that helps."""
     search = Search(problem, start)
@@ -213,8 +231,11 @@ def main() -> None:
     """Command line."""
     options, race = read_options("python -m scripts.optimise.race", Options()), Race()
     options.output.mkdir(parents=True, exist_ok=True)
-    plan = plan_of(race, *polish(race, *chase(race, options.passes), options.rounds))
-    file = options.output / "default.npz"
+    if options.slower > 0.0:
+        plan, file = steady(race, options.slower), options.output / "steady.npz"
+    else:
+        plan = plan_of(race, *polish(race, *chase(race, options.passes), options.rounds))
+        file = options.output / "default.npz"
     put(file, lambda aside: plan.save(aside, run=False))
     first, fastest, whole = plan.notes["lap_times"]
     print(

@@ -20,9 +20,10 @@ from tests.support.refusals import refuses
 RACE = "FlexArm/Race-v0"
 
 
-def test_the_plan_is_a_race_of_the_environment() -> None:
+@pytest.mark.parametrize("name", ["default", "steady"])
+def test_the_plan_is_a_race_of_the_environment(name: str) -> None:
     """Its reference moves as the third action can move it, and its tip stays within the limit, by the model alone."""
-    plan = race_plan()
+    plan = race_plan(name)
     env = gymnasium.make(RACE, **RaceLQG.options()).unwrapped
     assert isinstance(env, FlexArmEnv)
     ways, own = np.array(plan.notes["ways"]), env.settings

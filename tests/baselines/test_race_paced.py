@@ -1,0 +1,93 @@
+"""Races at a pace: the plan waits for an arm that lags, and the reference is where the controller takes it to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_baselines.lqg import race_paced
+from flexarm_baselines.lqg.race import race_plan
+from flexarm_baselines.lqg.race_paced import LEAST, MOST, PACES, PacedAdaptiveLQG, PacedLQG, PredictiveRace
+from flexarm_baselines.optimal import Plan
+from flexarm_baselines.registry import controller
+
+PERIODS = 80
+
+
+def beginning() -> Plan:
+    """Return the first periods of the steady plan."""
+    plan = race_plan("steady")
+    notes = {"ways": plan.notes["ways"][: PERIODS + 1]}
+    arrays = plan.states[: PERIODS + 1], plan.torques[:PERIODS], plan.reference[: PERIODS + 1]
+    return Plan(plan.parameters, *arrays, plan.limits, plan.period, plan.step, notes)
+
+
+def race(kind: type[PacedLQG], **parameters: float) -> tuple[Any, Any, list[dict[str, Any]]]:
+    """Run a controller along the beginning of the plan; return it, its last memory, and all infos."""
+    drawn = {"randomisation": {name: (value, value) for name, value in parameters.items()}}
+    env = gymnasium.make("FlexArm/Race-v0", **kind.options() | drawn)
+    driver, memory, infos = kind.for_env(env, beginning()), None, []
+    observation, _ = env.reset(seed=0)
+    for _ in range(PERIODS - 10):
+        action, memory = driver.predict(observation, memory)
+        observation, _, terminated, _, info = env.step(action)
+        assert not terminated
+        infos.append(info)
+    env.close()
+    return driver, memory, infos
+
+
+@pytest.mark.parametrize("payload", [0.0, 1.0])
+def test_the_plan_waits_for_a_heavy_arm_and_the_reference_is_where_it_is_taken_to_be(payload: float) -> None:
+    """On the model's arm all goes by the plan; the same torques move a heavy one less far."""
+    driver, memory, infos = race(PacedLQG, payload_mass=payload)
+    *_, instants, way, speed = memory
+    np.testing.assert_allclose(infos[-1]["progress"], way[0], atol=1e-9)
+    np.testing.assert_allclose(infos[-1]["reference_speed"], speed[0], atol=1e-6)
+    late = len(infos) - instants[0]
+    assert abs(late) < 0.5 if payload == 0.0 else 1.0 < late < (1.0 - LEAST) * len(infos)
+    np.testing.assert_allclose(way, np.interp(instants, np.arange(PERIODS + 1), driver.ways), atol=0.02)
+
+
+def test_the_pace_makes_up_for_the_lag_of_the_tip() -> None:
+    """A lag of two periods costs twice the share of one; far off, the pace stays within its limits."""
+    env = gymnasium.make("FlexArm/Race-v0", **PacedLQG.options())
+    driver = PacedLQG.for_env(env, beginning())
+    now = 50
+    for lag, pace in (
+        (0, 1.0),
+        (1, 1.0 - race_paced.CLOSER),
+        (2, 1.0 - 2.0 * race_paced.CLOSER),
+        (9, LEAST),
+        (-9, MOST),
+    ):
+        after = (driver.filter.nominal[:, now + 1 - lag],)
+        found = driver.pace(np.full(1, float(now)), np.zeros(1), np.zeros((1, 2)), after)
+        np.testing.assert_allclose(found, pace, atol=1e-12)
+
+
+def test_predictions_go_slower_only_where_the_tip_would_leave_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, memory, _ = race(PredictiveRace)
+    *after, instants, way, _ = memory
+    own = instants - 1.0, way, after[5], tuple(after)
+    monkeypatch.setattr(race_paced, "ROOM", 10.0)
+    assert driver.pace(*own) == max(PACES)
+    monkeypatch.setattr(race_paced, "ROOM", 0.0)
+    monkeypatch.setattr(race_paced, "PRICE", 1e9)
+    assert driver.pace(*own) < max(PACES)  # the plan's reference is nearest at the plan's own pace
+
+
+def test_entries_have_the_steady_plan_and_another_one_is_refused() -> None:
+    for name in ("race_lqg_adaptive", "race_predictive"):
+        assert controller(name).design == {"plan": "steady"}
+        assert issubclass(controller(name).kind, PacedAdaptiveLQG)
+    env = gymnasium.make("FlexArm/Race-v0", **PacedLQG.options())
+    shifted = beginning()
+    with pytest.raises(ValueError, match="must be a race of the plan's arm"):
+        PacedLQG.for_env(env, replace(shifted, reference=shifted.reference + 0.1))
+    with pytest.raises(ValueError, match="must be one of 'default', 'steady'"):
+        PacedLQG.for_env(env, "fast")
