@@ -216,7 +216,8 @@ _RACE = """\
 The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
 4.77 s for the first lap, 4.57 s for the fastest, and 14.18 s for all three. On unknown arms it is lost at once, since
 the plan uses the whole 0.25 m. `race_lqg_adaptive` finds out what the arm is, along a plan of 25.15 s that leaves a
-quarter of the torques; the plan waits for the arm, and the reference with it.
+quarter of the torques; the plan waits for the arm, and the reference with it. It loses 8 of 256 unknown arms; the
+median of all is 25.14 s.
 
 ![The paper's controller and the best known race, in real time](../figures/race.webp)\\
 *The fastest lap of the best known race, 4.57 s, beside the same time of the paper's lap.*"""
