@@ -219,8 +219,7 @@ the plan uses the whole 0.25 m. `race_lqg_adaptive` finds out what the arm is, a
 quarter of the torques; the plan waits for the arm, and the reference with it. It loses 8 of 256 unknown arms; the
 median of all is 25.14 s.
 
-![The paper's controller and the best known race, in real time](../figures/race.webp)\\
-*The fastest lap of the best known race, 4.57 s, beside the same time of the paper's lap.*"""
+![The fastest lap of the best known race beside the paper's, in real time](../figures/race.webp)"""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
