@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
+from flexarm_agents.evaluation.races import FINISHED
 from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore, metres
 from flexarm_env.laps import LAPS
 
@@ -75,7 +76,11 @@ def _figures(score: Score) -> tuple[str, ...]:
         pair(score.torque_change, 1),
         pair(score.peak_deflection, 2),
         pair(score.peak_torque, 0),
-        "complete" if score.complete else f"ENDED at {score.duration:.2f} s: {score.ended}",
+        str(score)
+        if score.ended == FINISHED
+        else "complete"
+        if score.complete
+        else f"ENDED at {score.duration:.2f} s: {score.ended}",
     )
 
 

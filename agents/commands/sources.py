@@ -76,7 +76,8 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
         if not Path(source).exists() and source not in shipped_policies():
             names = f"shipped policies are {', '.join(shipped_policies())}; controllers {', '.join(controller_names())}"
             raise FileNotFoundError(f"policy {shown(source)}: neither a file or folder nor a known name; {names}")
-        if given.environment is None and (own or load_policy(source).has_own_arm):
+        trained = load_policy(source)
+        if given.environment is None and (own or trained.has_own_arm or trained.has_own_task):
             return from_training(source, given.options, given.arm)
     entry = entry_of(source, given, interface_of(given.options))
     with _message_if_long(f"{source}: the policy is made"):

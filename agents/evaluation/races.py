@@ -30,7 +30,7 @@ class RaceScore(Score):
 
     def __str__(self) -> str:
         """In one line: the time of the race, or when and why it was lost."""
-        return f"race finished in {self.duration:.2f} s" if self.complete else super().__str__()
+        return f"race finished in {self.duration:.2f} s" if self.complete else f"race lost: {self.ended}"
 
 
 class RaceScores(StandardScore):

@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium
 
-from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.environments import check_id, make_one, settings_of
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_env.envs.settings import Settings, present_names
 from flexarm_env.simulation import archive
@@ -46,6 +46,12 @@ class Trained:
     def has_own_arm(self) -> bool:
         """Whether it was trained on another arm than the default one, which is the board's."""
         return "arm" in self.options
+
+    @property
+    def has_own_task(self) -> bool:
+        """Whether it was trained on another task than the square: a race, or loads to carry."""
+        settings = settings_of(self.environment, self.options)
+        return settings.mode.races or settings.payload_changes is not None
 
     def make_env(self, **options: Any) -> gymnasium.Env[Any, Any]:
         """Make the environment that it was trained on.

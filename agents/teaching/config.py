@@ -55,6 +55,8 @@ class DAggerConfig(RunConfig):
     """Weight of changes of the torques in the teacher's plans [m^2], see `TrackingProblem`."""
     deflection_limit: float = setting(1.4, number, unit="m", above=0.0)
     """Deflection of a link's tip above which the cost in the teacher's plans rises steeply [m]."""
+    tip_weight: float = setting(0.03, number, unit="m", above=0.0)
+    """Deviation of the tip that the teacher's feedback weighs as 1 [m]; a smaller one makes it stiffer."""
     plants: tuple[int, int] = setting((3, 3), _counts)
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
     drawn_paths: int = setting(0, integer, least=0)

@@ -19,7 +19,6 @@ from flexarm_agents.teaching.config import DAggerConfig
 from flexarm_agents.teaching.drawn_paths import PERIOD, TAUGHT
 from flexarm_agents.teaching.teacher import (
     NEEDED,
-    WEIGHTS,
     Array,
     Flags,
     Floats,
@@ -30,7 +29,7 @@ from flexarm_agents.teaching.teacher import (
     plant,
     read,
 )
-from flexarm_baselines.optimal import Plan, PlanRegulator, SolverOptions, TrackingProblem, optimise
+from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights, SolverOptions, TrackingProblem, optimise
 from flexarm_baselines.optimal.solver import DivergingStartError
 from flexarm_baselines.optimal.starts import along, both_sides
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -70,7 +69,8 @@ class PathTeacher(Teacher):
             for i, seed in enumerate(seeds[: config.drawn_paths - first]):
                 if (plan := _plan(config, env, i, folder / f"{seed}.npz")) is not None:
                     found[seed] = plan
-        tables = [(plan.states, plan.torques, PlanRegulator(plan, WEIGHTS).gains) for plan in found.values()]
+        weights = RegulatorWeights(tip=config.tip_weight)
+        tables = [(plan.states, plan.torques, PlanRegulator(plan, weights).gains) for plan in found.values()]
         plans = Plans(*(np.stack(table, dtype=np.float32) for table in zip(*tables, strict=True)))
         teacher = cls(plans, env.settings.motor_limit, env.settings.control_period)
         teacher.seeds, teacher.periods = np.array(list(found)), round(TAUGHT / PERIOD)

@@ -42,7 +42,6 @@ Array = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-WEIGHTS = RegulatorWeights(tip=0.03)  # softer than `GOOD`: a student imitates small gains better than large ones
 OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's plan; a hundredth of a millimetre is left
 TURN = 2.0 * np.pi
 NEEDED: dict[str, Any] = {"action_mode": "torque", **IDEAL_MOTORS}
@@ -84,11 +83,12 @@ class Teacher:
         carrying = settings.payload_changes is not None
         check_task(settings, NEEDED if carrying else NEEDED | OF_LAPS)
         if carrying:
-            plans = carrying_bank(config, payloads, stiffnesses)
-            return cls(plans, settings.motor_limit, settings.control_period)
-        wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
-        plans = bank(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
-        return cls(plans, settings.motor_limit, settings.control_period)
+            plans = carrying_plans(config, payloads, stiffnesses)
+        else:
+            wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
+            plans = lap_plans(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
+        found = Bank.of(plans, payloads, stiffnesses, config.tip_weight)
+        return cls(found, settings.motor_limit, settings.control_period)
 
     def begin(self, env: FlexArmVectorEnv, random: np.random.Generator) -> tuple[Array, Mapping[str, Any]]:
         """Begin the episodes of a rollout; return observations and infos."""
@@ -161,18 +161,18 @@ class Bank(NamedTuple):
     gains: Floats  # of feedback on the state's deviation [N m/x]. Shape (2, p, s, n, 2, 4 + 4 m)
 
     @classmethod
-    def of(cls, plans: Sequence[Plan], payloads: Sequence[float], stiffnesses: Sequence[float]) -> Bank:
-        """Stack plans, which come by lap, payload and stiffness, with their regulators."""
-        gains = [PlanRegulator(plan, WEIGHTS).gains for plan in plans]
+    def of(cls, plans: Sequence[Plan], payloads: Sequence[float], stiffnesses: Sequence[float], tip: float) -> Bank:
+        """Stack plans, which come by lap, payload and stiffness, with regulators to which a deviation [m] is 1."""
+        gains = [PlanRegulator(plan, RegulatorWeights(tip=tip)).gains for plan in plans]
         columns = [plan.states for plan in plans], [plan.torques for plan in plans], gains
         shape = (len(LAPS), len(payloads), len(stiffnesses))
         stacked = (np.stack(column).reshape(*shape, *column[0].shape) for column in columns)
         return cls(np.array(payloads), np.array(stiffnesses), *stacked)
 
 
-def bank(
+def lap_plans(
     arm: ArmParameters, payloads: Sequence[float], stiffnesses: Sequence[float], folder: Path, wishes: Mapping[str, Any]
-) -> Bank:
+) -> list[Plan]:
     """Make the plans that the folder does not hold yet, each from its neighbour's torques, and return all.
 
     Args:
@@ -189,20 +189,19 @@ def bank(
         problem = lap_problem(FlexibleArm(plant(arm, payloads[p], stiffnesses[s])), lap, **wishes)
         neighbour = made.get((lap, p - 1, s)) or made.get((lap, p, s - 1)) or load_plan(f"default_{lap}")
         made[lap, p, s] = read(path, problem, wishes) or _make(path, problem, neighbour)
-    return Bank.of(list(made.values()), payloads, stiffnesses)
+    return list(made.values())
 
 
-def carrying_bank(config: DAggerConfig, payloads: Sequence[float], stiffnesses: Sequence[float]) -> Bank:
-    """Make plans for an environment whose payload changes within the lap; arguments as of `bank`."""
+def carrying_plans(config: DAggerConfig, payloads: Sequence[float], stiffnesses: Sequence[float]) -> list[Plan]:
+    """Make plans for an environment whose payload changes within the lap; arguments as of `lap_plans`."""
     with closing(make_one(config.environment, config.options | {"frame": "world"})) as env:
         task = Task.of(env)
     assert task.payloads is not None
     own = task.reference, task.payloads
-    plans = [
+    return [
         plan_phases(plant(task.arm, p, s), *own, lap.elbow_branch, task.period, task.torque_limit)
         for lap, p, s in product(LAPS.values(), payloads, stiffnesses)
     ]
-    return Bank.of(plans, payloads, stiffnesses)
 
 
 def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters:

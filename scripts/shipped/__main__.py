@@ -78,6 +78,7 @@ def write_tables(output: Path) -> None:
         "agent_costs": tables.costs(cards),
         "nominal_plant": board.nominal(cards),
         "unknown_plant": board.unknown(cards),
+        "own_tasks": board.own_tasks(cards),
     }
     for name, text in texts.items():
         write_text(output / f"{name}.md", text)

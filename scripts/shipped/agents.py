@@ -81,4 +81,26 @@ AGENTS: dict[str, Shipped] = {
         seeds=3,
         drawn=False,
     ),
+    "carry": Shipped(
+        "student, unknown loads (`carry`)",
+        DAggerConfig(
+            environment="FlexArm/Carry-v0",
+            options={"last_actions": 1},
+            rounds=5,
+            updates=3000,
+            lags=(1, 3, 8, 20),
+            plants=(5, 2),
+            torque_noise=0.02,
+            tip_weight=0.01,
+            evaluation_laps=3,
+        ),
+        seeds=1,
+        drawn=False,
+    ),
+    "race": Shipped(
+        "PPO, a race (`race`)",
+        PPOConfig(environment="FlexArm/Race-v0", evaluate_every=500_000),
+        seeds=1,
+        drawn=False,
+    ),
 }

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,11 @@ from flexarm_agents import Spread
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.figures import ERRORS
 from flexarm_agents.board.measure import PUBLISHED
-from flexarm_agents.board.summary import merged, point_summary
+from flexarm_agents.board.summary import QUANTILES, merged, point_summary
 from flexarm_agents.board.tables import UNKNOWN, unknown_cells
+from flexarm_agents.board.terms import TASKS
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
@@ -24,6 +27,7 @@ MEASURED: dict[str, tuple[Point, ...]] = {
     **{str(point.value): (point,) for point in COLUMNS["nominal"].points if point.value in ("square", "chain")},
     "unknown": COLUMNS["unknown"].points,
 }
+DRAWN = 64  # episodes of a lap on a task of its own, where each is drawn
 # Controllers that know the model, where the board has them; the first sees the true state, too.
 CONTROLLERS = {
     "plan_lqr": "true state, best plan (`plan_lqr`)",
@@ -40,9 +44,9 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
     Return `point_summary` of each of `MEASURED`; on the nominal laps with the change of the torques [N m].
     """
     row, found = Entry(str(source)), {}
-    for name, points in MEASURED.items():
+    for name, points in (MEASURED if row.home == "square" else own_points(row.home)).items():
         whole = merged(_results([Cell.of(row, point) for point in points], cells))
-        summary = point_summary(whole)
+        summary = point_summary(whole, points[0].task)
         assert whole is not None
         assert summary is not None
         if name == "square":
@@ -50,6 +54,32 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
                 summary[one["lap"]]["torque_change"] = one["figures"] and one["figures"]["torque_change_after_2s"]
         found[name] = summary
     return found
+
+
+def own_points(task: str) -> dict[str, tuple[Point, ...]]:
+    """Return the points of the board's column of a task, by their names; drawn ones with `DRAWN` episodes a lap."""
+    points = (replace(one, seeds=range(DRAWN if len(one.seeds) > 1 else 1)) for one in COLUMNS[task].points)
+    return {str(one.value): (one,) for one in points if one.task == task}
+
+
+def own_tasks(cards: Mapping[str, Card]) -> str:
+    """Tabulate the agents of tasks of their own on these; the shipped training of each."""
+    lines = []
+    for name, card in cards.items():
+        (own,) = (one for one in card["trainings"] if one["seed"] == card["config"]["seed"])
+        task = Entry(name).home
+        for point, laps in own["board"].items() if task != "square" else ():
+            for lap, found in laps.items():
+                figures = {one: about.unit for one, about in TASKS[task].figures.items() if one not in ERRORS}
+                cells = ("; ".join(_told(found[one], what, figures[one]) for one in figures) for what in QUANTILES)
+                names = "; ".join(figures).replace("_", " ")
+                lines.append((f"`{name}`", point, lap, f"{found['lost']} of {found['episodes']}", names, *cells))
+    return table(("agent", "on", "lap", "lost", "figures", "median", "90th percentile"), lines)
+
+
+def _told(figure: Mapping[str, float | None] | None, what: str, unit: str) -> str:
+    value = None if figure is None else figure[what]
+    return "-" if value is None else f"{1e3 * value:.2f} mm" if unit == "m" else f"{value:.4g} {unit}"
 
 
 def _results(cells: Sequence[Cell], store: Store) -> list[dict[str, Any] | None]:
@@ -82,8 +112,8 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
         if name in rows:
             yield text, [rows[name]]
     for name, card in cards.items():
-        if load_policy(name).has_own_arm:
-            continue  # the board is of the default one
+        if load_policy(name).has_own_arm or load_policy(name).has_own_task:
+            continue  # the board is of the default one, these laps are the square's
         yield f"agent `{name}`", [one["board"] for one in card["trainings"]]
 
 

@@ -18,9 +18,9 @@ ERRORS = ("r.m.s. [mm]", "after 2 s [mm]", "maximum [mm]")
 
 
 def scores(names: Iterable[str]) -> str:
-    """Tabulate the nominal scores of the shipped agents and of the paper's controllers."""
+    """Tabulate the nominal scores of the square's shipped agents and of the paper's controllers."""
     env = make_one(GAIN)
-    agents = {name: load_policy(name) for name in names}
+    agents = {name: agent for name in names if not (agent := load_policy(name)).has_own_task}
     found = {(AGENTS[name].text, _observed(agent)): _nominal(agent) for name, agent in agents.items()} | {
         ("FLSAC", "`SquareGain-v0`"): evaluate(env, FLSAC.for_env(env)),
         ("IFDC", "`SquareGain-v0`"): evaluate(env, IFDC.for_env(env)),

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from flexarm_agents import Score, Spread, StandardScore, evaluate, score
 from flexarm_agents.commands.score_table import pair
+from flexarm_agents.evaluation.races import RaceScore, RaceScores, read_score
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_env import FlexibleArm, run_policy
@@ -40,6 +41,23 @@ def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
     assert [each.complete for each in (both, one, none)] == [True, False, False]
     assert str(one) == f"swing lap: {one.swing}; plain lap: {died}"
     assert StandardScore.of({**one.as_mapping(), "steps": 7}) == one
+
+
+@given(st.floats(1.0, 60.0), st.floats(1.0, 60.0))
+def test_a_finished_race_counts_by_its_time(one: float, other: float) -> None:
+    ends = ("finished", one), ("finished", other), ("truncated", one)
+    races = [RaceScores(*[RaceScore(*lap(0.1, *end))] * 2) for end in ends]
+    assert [read_score(race.as_mapping()) for race in races] == races
+    assert [race.complete for race in races] == [True, True, False]
+    ranks = [rank([race]) for race in races]
+    assert (ranks[0] < ranks[1]) == (one < other)
+    assert max(ranks) == ranks[2]
+    assert [str(race) for race in races[1:]] == [f"race finished in {other:.2f} s", "race lost: truncated"]
+
+
+def test_who_stands_still_has_lost_the_race() -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Race-v0", max_episode_steps=50)
+    assert str(evaluate(env, lambda observation: np.array([0.0, 0.0, -1.0], np.float32))) == "race lost: truncated"
 
 
 def test_the_scores_are_those_of_the_laps() -> None:

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents import DAggerConfig, NetworkPolicy, config_of, train
-from flexarm_agents.environments import make_batch
+from flexarm_agents.environments import make_batch, settings_of
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.teaching.drawn_paths import FASTEST, RING, drawn_path
 from flexarm_agents.teaching.path_teacher import PathTeacher
 from flexarm_agents.teaching.rollouts import Rollout, run_rollout, teacher_share
 from flexarm_agents.teaching.student import Student
-from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, bank
+from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, lap_plans
 from flexarm_agents.teaching.training import DAggerTraining
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal import Plan, load_plan
@@ -87,7 +87,7 @@ def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
     files = sorted(path.name for path in (run / "plans").iterdir())
     assert files == ["plain-payload-0-stiffness-1.npz", "swing-payload-0-stiffness-1.npz"]
     with refuses(ValueError, "stiffness-1.npz: a plan of another arm, or not with {'change_weight': 0.1}; remove it"):
-        bank(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
+        lap_plans(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
 
 
 @pytest.mark.parametrize(
@@ -97,6 +97,24 @@ def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> Non
     (name,) = options
     with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
         Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
+
+
+def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
+    """Plans rest to a few hundredths of a millimetre; those of two loads are mixed for one between them."""
+    own = {"arm": {"modes_per_link": 1}, "randomisation": {"payload_mass": (0.4, 0.6)}}
+    config = DAggerConfig(environment="FlexArm/Carry-v0", options=own, plants=(2, 2), arms=2)
+    env = make_batch(config.environment, 2, config.options | {"start": "corner"})
+    teacher = Teacher.of(config, env.settings, Path())
+    branches = [lap.elbow_branch for lap in LAPS.values()]
+    _, infos = env.reset(seed=0, options={"elbow_branch": branches, "parameters": {"payload_mass": 0.5}})
+    loads = Pupils(np.arange(2), env.episode.parameters)
+    for period in range(2000):  # taken up, carried, and put down
+        actions, _ = teacher.actions(loads, np.full(2, period), infos["state"])
+        *_, infos = env.step(actions)
+        assert np.linalg.norm(infos["true_tip"] - infos["reference"][:, :2], axis=1).max() < 0.005, period
+    env.close()
+    with refuses(ValueError, "motor_time_constant = ", "the teacher has plans for"):
+        Teacher.of(config, settings_of(config.environment, {"motor_time_constant": 0.01}), Path())
 
 
 def test_the_teacher_drives_less_and_less() -> None:

@@ -24,6 +24,7 @@ def cards() -> dict[str, dict[str, Any]]:
 def test_every_table_is_on_a_page() -> None:
     shipped = {"agent_scores", "agent_costs"}
     assert {*shipped, "nominal_plant", "unknown_plant"} <= shown_blocks().keys()
+    assert shown_blocks()["own_tasks"] == board.own_tasks(cards())
 
 
 def test_the_scores_are_what_laps_give() -> None:
