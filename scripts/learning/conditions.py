@@ -38,6 +38,7 @@ LATE: Rows = {  # by the delay in training or design
         **{f"unknown-{name}": text for name, text in REMEDIES.items()},
     },
 }
+CRITIC: Rows = {"0 to 60 ms": {"plain": "as much as the policy", "privileged": "true state, delay and arm, too"}}
 SHAPES: Rows = {
     "3 shapes": {"lqg": "`lqg`", "student": "student (`student`)"},
     "2 shapes": {"fixed": "PPO", "drawn": "PPO, stiffness and damping drawn"},
@@ -104,6 +105,9 @@ STUDIES = {
         SHOWN,
         beside=("lqg", "student", "lqg_adaptive", "student_unknown"),
         points=[("nominal", "square") if delay == OWN else ("delay", float(delay)) for delay in DELAYS],
+    ),
+    "critic": _study(
+        "critic", "what a privileged critic is worth", CRITIC, ("delay in training", "the critic sees"), SHOWN
     ),
     "shapes": _study(
         "shapes",
