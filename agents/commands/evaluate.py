@@ -86,7 +86,7 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
         plants.setdefault(_plant(each.candidate.environment, each.candidate.plant), []).append(each)
     print(legend(laps))
     # the square's first, of which the nominal one has the shortest name
-    for plant in sorted(plants, key=lambda plant: (plant.partition("-")[0] != "Square", len(plant))):
+    for plant in sorted(plants, key=lambda plant: (not plant.startswith("Square"), len(plant))):
         print(f"\n{lap_table(plant, [(each.candidate.name, each.scores) for each in plants[plant]])}")
     groups = _groups(results) if given.pool else []
     if groups:

@@ -114,7 +114,7 @@ def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
         assert np.linalg.norm(infos["true_tip"] - infos["reference"][:, :2], axis=1).max() < 0.005, period
     env.close()
     with refuses(ValueError, "motor_time_constant = ", "the teacher has plans for"):
-        Teacher.of(config, settings_of(config.environment, {"motor_time_constant": 0.01}), Path())
+        Teacher.of(config, settings_of(config.environment, {"motor_time_constant": (0.01, 0.01)}), Path())
 
 
 def test_the_teacher_drives_less_and_less() -> None:
