@@ -12,6 +12,7 @@ from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.physics.paths import PATHS
 from scripts.common.markdown import shown_blocks
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
+from scripts.optimise.race import PERIOD, Race
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
 from scripts.optimise.tables import TABLES, parts, plan_name, published
@@ -98,3 +99,10 @@ def test_a_plan_of_the_package_replays_to_its_score(name: str) -> None:
     again = score(plan, lap, TRACKS[path].options)
     for figure in ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max"):
         assert again[figure] == pytest.approx(report["score"][figure], abs=5e-5), figure
+
+
+def test_a_slower_race_has_the_speeds_of_the_fast_one_divided() -> None:
+    """Speeds by a factor and accelerations by its square: the same way in that many times the time."""
+    race = Race()
+    fast, slow = (race.lap_times(race.begin(slower)) for slower in (1.5, 3.0))
+    np.testing.assert_allclose(slow, 2.0 * np.array(fast), atol=4.0 * PERIOD)
