@@ -11,12 +11,10 @@ from scipy.stats import binomtest
 from flexarm_agents.board.columns import Column
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.figures import ERRORS, Figure
-from flexarm_agents.board.terms import SQUARE, TASKS
-from flexarm_agents.environments import settings_of
+from flexarm_agents.board.terms import TASKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 
-LIMIT = float(settings_of(SQUARE, {}).error_limit or np.inf)  # error at which a lap is lost, and as which it counts [m]
 QUANTILES = {"median": 0.5, "p90": 0.9}
 CONFIDENCE = 0.95
 Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of each point
@@ -90,15 +88,8 @@ def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None
     return {"episodes": [episode for one in known for episode in one["episodes"]]}
 
 
-def counted(laps: Sequence[Mapping[str, Any]]) -> float:
-    """Return the mean error of laps of which each lost one counts with `LIMIT` [m]."""
-    errors = sum(one["lost"] * LIMIT for one in laps)
-    errors += sum((one["episodes"] - one["lost"]) * one["rms"]["mean"] for one in laps if one["rms"] is not None)
-    return float(errors / sum(one["episodes"] for one in laps))
-
-
 def loss(laps: Sequence[Mapping[str, Any]]) -> float:
-    """Return the share of laps that were lost; see `counted`."""
+    """Return the share of laps that were lost."""
     return float(sum(one["lost"] for one in laps) / sum(one["episodes"] for one in laps))
 
 
