@@ -38,9 +38,18 @@ class GaugedTracking(PlanFollower):
             **design: see `JointTracking`.
         """
         shaped = JointTracking(task, **design)
-        motions = [shaped.motion(side, 0) for side in (1.0, -1.0)]
-        given = task.reference, task.torque_limit, task.period, STEP
-        super().__init__(task, [Plan(task.arm, *motion, *given) for motion in motions], weights)
+        plans = [
+            Plan(
+                task.arm,
+                *shaped.motion(side, 0),
+                reference=task.reference,
+                limits=task.torque_limit,
+                period=task.period,
+                step=STEP,
+            )
+            for side in (1.0, -1.0)
+        ]
+        super().__init__(task, plans, weights)
 
     def _state(self, seen: Seen) -> Floats:
         bending, rates = (seen[name] for name in GAUGES)

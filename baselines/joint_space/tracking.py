@@ -197,7 +197,7 @@ class JointTracking(TorqueController):
         begun, size = 0 if period is None else period, self.arm.size
         states, torques = self.motion(side, period)
         joints = states[:-1, [0, 1, size, size + 1]]
-        times = self.task.period * (begun + np.arange(len(joints)))
+        times = self.task.period * (begun + np.arange(len(joints), dtype=np.float64))
         found = Targets(joints, torques, self._gains(times, joints))
         return Targets(*(np.roll(one, begun, axis=0) for one in found))
 

@@ -48,7 +48,7 @@ def error_over_loss(path: Path) -> None:
     axis.set(xlim=(-0.3, 140.0), ylim=(20.0, 1.6 * INFINITE))
     plotting.number_ticks(axis.xaxis, (0, 1, 2, 5, 10, 20, 50, 100))
     plotting.number_ticks(axis.yaxis, (20, 50, 100, 200, 500, 1000))
-    axis.set_yticks([*axis.get_yticks(), INFINITE], [*axis.get_yticklabels(), "infinite"])
+    axis.set_yticks([*axis.get_yticks(), INFINITE], [*(one.get_text() for one in axis.get_yticklabels()), "infinite"])
     axis.set_xlabel("lost [% of 256 unknown arms]")
     axis.set_ylabel("median error on unknown arms [mm]; a lost lap's is infinite")
     for _, colour, *place in dots:
