@@ -29,7 +29,7 @@ def drawn_path(random: np.random.Generator) -> Array:
         Time [s], x, y [m]. Shape (1201, 3).
     """
     while True:
-        ends = (_polygon, _harmonics, _spline)[random.choice(3, p=[0.45, 0.3, 0.25])](random)
+        ends = (_polygon, _harmonics, _spline)[random.choice(3, p=[0.55, 0.25, 0.2])](random)
         arcs = _distances(ends)
         distance = np.linalg.norm(_at(arcs, ends, np.linspace(0.0, arcs[-1], SIDES)), axis=1)
         if RING[0] <= distance.min() and distance.max() <= RING[1]:
@@ -46,9 +46,9 @@ def drawn_path(random: np.random.Generator) -> Array:
 
 def _polygon(random: np.random.Generator) -> Array:
     count = int(random.integers(2, 7))
-    if random.random() < 0.4:  # regular, about the shoulder
+    if random.random() < 0.5:  # regular, about the shoulder; its corners are often near the end of the reach
         count = max(count, 3)
-        radius = np.full(count, random.uniform(4.5, RING[1]))
+        radius = np.full(count, random.uniform(4.5, RING[1], 3).max())
         angle = random.uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(count) / count
     else:
         angle, radius = random.uniform(0.0, 2.0 * np.pi, count), random.uniform(*RING, count)
@@ -83,7 +83,7 @@ def _at(arcs: Array, ends: Array, along: Array) -> Array:
 
 def _progress(random: np.random.Generator, times: Array, speed: float, stops: Array) -> Array:
     """Return distances along a path [m]; what moves at once has done so before time 0. Shape (n,)."""
-    first, kind = random.choice([0.0, random.uniform(0.0, stops[-1])]), random.random()
+    first, kind = random.choice([0.0, random.uniform(0.0, stops[-1])], p=[0.7, 0.3]), random.random()
     if kind < 0.45:
         return np.asarray(first + speed * times)
     if kind < 0.7:

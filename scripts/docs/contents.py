@@ -142,7 +142,9 @@ PARTS: Mapping[str, Sequence[str]] = {
         *("docs/environments/options", "docs/environments/square", "docs/environments/square_*"),
         *("docs/environments/track", "docs/environments/reach", "docs/environments/paper", "docs/environments/*"),
     ),
-    "docs/learning/README": tuple(f"docs/learning/{page}" for page in ("late_sensor", "critic", "teaching", "gaps")),
+    "docs/learning/README": tuple(
+        f"docs/learning/{page}" for page in ("any_path", "late_sensor", "critic", "teaching", "gaps")
+    ),
     "docs/recipes/README": ("docs/recipes/*",),
     "api/index": tuple(f"api/{name}" for name in MODULES),
 }

@@ -26,6 +26,18 @@ WIDER = {name: list(limits) for name, limits in UNKNOWN_PLANT["randomisation"].i
     "actuation_delay": [0.0, 0.013],
 }
 
+# Delays twice as long as the box's, with jitter and lost readings.
+LATER = WIDER | {"delay": [0.0, 0.12], "jitter": [0.0, 0.02], "dropout": [0.0, 0.1]}
+# Of any path: no block of the episode's side of the elbow, and previews that look further ahead.
+OF_ANY_PATH: dict[str, Any] = {
+    "last_actions": 1,
+    "observation": [
+        *("elbow_direction", "joint_rates", "present_joint_error", "present_joint_error_rate", "encoder_error"),
+        *("sensor_error", "reference_position", "reference_velocity", "previews", "last_actions"),
+    ],
+    "previews": [0.04, 0.08, 0.13, 0.2, 0.28, 0.37, 0.48, 0.6, 0.75, 0.9, 1.1, 1.3, 1.6],
+}
+
 
 class Shipped(NamedTuple):
     """A shipped agent."""
@@ -48,6 +60,20 @@ UNKNOWN = DAggerConfig(
     lags=HALF_A_SECOND,
     deflection_limit=1.1,  # a margin for what the student does not know at the start
     evaluation_laps=6,
+)
+
+UNIVERSAL = DAggerConfig(
+    environment="FlexArm/SquareUnknown-v0",
+    options=OF_ANY_PATH,
+    curriculum_options={"randomisation": LATER},
+    drawn_paths=480,
+    arms=96,
+    rounds=26,
+    hidden=(224, 192),
+    lags=(*HALF_A_SECOND, 64),
+    knee=0.12,
+    deflection_limit=1.1,
+    evaluation_laps=4,
 )
 
 AGENTS: dict[str, Shipped] = {
@@ -103,4 +129,5 @@ AGENTS: dict[str, Shipped] = {
         seeds=1,
         drawn=False,
     ),
+    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=1, drawn=False),
 }
