@@ -220,7 +220,7 @@ median of all is 25.14 s.
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
-    "Reach-v0": "Of the shipped agents `universal` alone loses no episode, and rests at a third of the goals; plans get there.",
+    "Reach-v0": "Of the shipped agents `universal` alone loses no episode; it rests at a third of the goals.",
     "Lab-v0": "",
     "Carry-v0": "",
     "SmoothSquare-v0": "",
