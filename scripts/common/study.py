@@ -86,6 +86,18 @@ def run_all(trials: Mapping[str, Trial], jobs: int, text: str) -> Iterator[tuple
             yield labels[n], result
 
 
+def study(
+    module: str,
+    name: str,
+    text: str,
+    trials: Callable[[], Mapping[str, Trial]],
+    tabulate: Callable[[Any], str],
+    draw: Callable[[Any], Figure] | None = None,
+) -> dict[str, Study]:
+    """Return a study of one table, and one picture of the same name, by its name; `module` declares its trials."""
+    return {name: Study(text, Trials(module, trials), {name: tabulate}, {} if draw is None else {name: draw})}
+
+
 @dataclass
 class Options:
     """What each command of studies takes."""

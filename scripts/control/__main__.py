@@ -9,9 +9,9 @@ from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
-from scripts.common.study import Study, command
+from scripts.common.study import Study, command, study
 from scripts.control import estimated, repeated, robust
-from scripts.control.trials import ERRORS, cell, run_laps, study
+from scripts.control.trials import ERRORS, cell, run_laps
 
 
 def registered_table(results: Any) -> str:

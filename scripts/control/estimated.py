@@ -10,8 +10,8 @@ from flexarm_baselines.observers import NoiseModel
 from flexarm_baselines.optimal import GOOD
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.study import Trial
-from scripts.control.trials import cell, drawn, run_laps, study
+from scripts.common.study import Trial, study
+from scripts.control.trials import cell, drawn, run_laps
 
 # Controllers and their designs, by what the table calls them
 LQG: dict[str, tuple[str, dict[str, Any]]] = {

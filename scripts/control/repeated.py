@@ -18,7 +18,7 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH, plain_ticks
-from scripts.common.study import Study, Trial, Trials
+from scripts.common.study import Trial, study
 from scripts.control.trials import drawn
 
 LEARNED, ARMS = 10, 16
@@ -116,11 +116,6 @@ def ilc_picture(results: Any) -> Figure:
     return figure
 
 
-STUDIES = {
-    "ilc": Study(
-        "iterative learning: r.m.s. error after 2 s by lap [mm]",
-        Trials(__name__, _trials),
-        {"ilc": ilc_table},
-        {"ilc": ilc_picture},
-    )
-}
+STUDIES = study(
+    __name__, "ilc", "iterative learning: r.m.s. error after 2 s by lap [mm]", _trials, ilc_table, ilc_picture
+)

@@ -30,7 +30,7 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH
-from scripts.common.study import Study, Trial, Trials
+from scripts.common.study import Trial, study
 from scripts.control.trials import run_laps
 
 BOX: Mapping[str, tuple[float, float]] = UNKNOWN_PLANT["randomisation"]
@@ -231,11 +231,11 @@ def robust_picture(results: Any) -> Figure:
     return figure
 
 
-STUDIES = {
-    "lqg_robust": Study(
-        "LQG for unknown arms: how its four numbers follow from the slowest decay",
-        Trials(__name__, _trials),
-        {"lqg_robust": robust_table},
-        {"lqg_robust": robust_picture},
-    )
-}
+STUDIES = study(
+    __name__,
+    "lqg_robust",
+    "LQG for unknown arms: how its four numbers follow from the slowest decay",
+    _trials,
+    robust_table,
+    robust_picture,
+)

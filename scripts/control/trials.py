@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +11,6 @@ from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
 from flexarm_agents.evaluation.scoring import Score, score
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
-from scripts.common.study import Study, Trial, Trials
 
 ERRORS = ("swing lap [mm]", "plain lap [mm]")  # see `cell`
 DRAWS = 9  # of the noise, for a lap that is lost with the first one
@@ -50,13 +49,6 @@ def run_laps(
 def drawn(**quantities: float) -> dict[str, Any]:
     """Return options of an arm some of whose quantities differ from what is published."""
     return {"randomisation": {name: (value, value) for name, value in quantities.items()}} if quantities else {}
-
-
-def study(
-    module: str, name: str, text: str, trials: Callable[[], Mapping[str, Trial]], tabulate: Callable[[Any], str]
-) -> dict[str, Study]:
-    """Return a study of one table, by its name; `module` declares its trials."""
-    return {name: Study(text, Trials(module, trials), {name: tabulate})}
 
 
 def cell(lap: Sequence[Mapping[str, Any]], digits: int = 0) -> str:

@@ -16,7 +16,7 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.plotting import BLUE, ORANGE, WIDTH
-from scripts.common.study import Study, Trial, Trials, command
+from scripts.common.study import Trial, command, study
 from scripts.optimise.race import Race, steady
 
 ARMS = 32  # for a plan
@@ -88,14 +88,7 @@ def race_picture(results: Any) -> Figure:
     return figure
 
 
-STUDIES = {
-    "race": Study(
-        "races on unknown arms: three laps",
-        Trials(__name__, _trials),
-        {"race_unknown": race_table},
-        {"race_unknown": race_picture},
-    )
-}
+STUDIES = study(__name__, "race_unknown", "races on unknown arms: three laps", _trials, race_table, race_picture)
 
 
 if __name__ == "__main__":
