@@ -93,15 +93,18 @@ def identify(
         former, noise = noise, {name: max(1e-12, float(np.sqrt(np.nanmean(r**2)))) for name, r in left.items()}
         if all(abs(noise[name] / former[name] - 1.0) < 0.02 for name in noise):
             break
-    fit = Fit(model, arm, names, measured, noise)
-    deviation = _deviations(fit, unknown, names)
+    return _identified(Fit(model, arm, names, measured, noise), unknown, noise, spread)
+
+
+def _identified(fit: Fit, unknown: Array, noise: dict[str, float], spread: Mapping[str, float]) -> Identified:
+    """Return what a fit found, with deviations, intervals, and the share of the readings' spread that it explains."""
+    values, deviation = unknown[: len(fit.names)], _deviations(fit, unknown, fit.names)
     width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
-    values = unknown[: len(names)]
     return Identified(
-        arm=with_values(arm, dict(zip(names, values, strict=True))),
-        values=dict(zip(names, values.tolist(), strict=True)),
-        deviations=dict(zip(names, deviation.tolist(), strict=True)),
-        intervals={n: (float(v - w), float(v + w)) for n, v, w in zip(names, values, width, strict=True)},
+        arm=with_values(fit.arm, dict(zip(fit.names, values, strict=True))),
+        values=dict(zip(fit.names, values.tolist(), strict=True)),
+        deviations=dict(zip(fit.names, deviation.tolist(), strict=True)),
+        intervals={n: (float(v - w), float(v + w)) for n, v, w in zip(fit.names, values, width, strict=True)},
         noise=noise,
         explained={name: 1.0 - (noise[name] / one) ** 2 if one else 0.0 for name, one in spread.items()},
     )
@@ -118,7 +121,7 @@ class Fit:
         measured: Mapping[str, Array],
         noise: Mapping[str, float],
     ) -> None:
-        self._model, self._arm, self._names, self._measured, self._noise = model, arm, names, measured, noise
+        self._model, self.arm, self.names, self._measured, self._noise = model, arm, names, measured, noise
         self._latest: tuple[Array, Array, Array] | None = None
 
     def left(self, unknown: Array) -> dict[str, Array]:
@@ -142,9 +145,9 @@ class Fit:
 
     def parts(self, unknown: Array) -> dict[str, tuple[Array, Array]]:
         """Return what the model leaves of each channel, Shape (windows, n, 2), and its derivatives."""
-        values = dict(zip(self._names, unknown[: len(self._names)].tolist(), strict=True))
-        states = unknown[len(self._names) :].reshape(len(self._model.torque), -1)
-        read, slopes = self._model.readings(with_values(self._arm, values), states, values)
+        values = dict(zip(self.names, unknown[: len(self.names)].tolist(), strict=True))
+        states = unknown[len(self.names) :].reshape(len(self._model.torque), -1)
+        read, slopes = self._model.readings(with_values(self.arm, values), states, values)
         return {name: (read[name][..., 0] - y, slopes[name]) for name, y in self._measured.items()}
 
     def _problem(self, unknown: Array) -> tuple[Array, Array]:
@@ -166,7 +169,7 @@ class Fit:
             rows = np.concatenate(parts, axis=1)
             rows[~np.isfinite(rows).all(axis=-1)] = 0.0
             short: Array = np.asarray(np.linalg.qr(rows, mode="r"))
-            fitted, size = len(self._names), short.shape[-1] - 1 - len(self._names)
+            fitted, size = len(self.names), short.shape[-1] - 1 - len(self.names)
             jacobian = np.zeros((count, short.shape[1], fitted + count * size))
             jacobian[..., :fitted] = short[..., :fitted]
             for n in range(count):
