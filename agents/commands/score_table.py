@@ -76,12 +76,15 @@ def _figures(score: Score) -> tuple[str, ...]:
         pair(score.torque_change, 1),
         pair(score.peak_deflection, 2),
         pair(score.peak_torque, 0),
-        str(score)
-        if score.ended == FINISHED
-        else "complete"
-        if score.complete
-        else f"ENDED at {score.duration:.2f} s: {score.ended}",
+        _end(score),
     )
+
+
+def _end(score: Score) -> str:
+    """Say how a lap or a race ended."""
+    if score.ended == FINISHED:
+        return str(score)
+    return "complete" if score.complete else f"ENDED at {score.duration:.2f} s: {score.ended}"
 
 
 def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:

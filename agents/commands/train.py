@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from flexarm_agents import TrainingStopped, config_of, train
+from flexarm_agents import TrainingStopped, config_of, load_policy, train
 from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.fields import add_fields, read_fields
-from flexarm_agents.evaluation.races import RaceScores, read_score
+from flexarm_agents.environments import settings_of
+from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.training.config import ALGORITHMS, RunConfig, config_class
 from flexarm_agents.training.train import Outcome
 
@@ -74,7 +75,9 @@ def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
     for name, row in (("best", outcome.best), ("last", outcome.last)):
         print(f"{name}: {read_score(row)}, at {row['steps']} steps")
     print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
-    lap = " --lap own" if isinstance(read_score(outcome.best), RaceScores) else ""
+    trained = load_policy(outcome.folder)
+    races = settings_of(trained.environment, trained.options).mode.races
+    lap = " --lap own" if races else ""
     print(f"next: flexarm render {outcome.folder}{lap} --output lap.png")
 
 
