@@ -19,6 +19,7 @@ UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
 LOST = "lost"
 UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
+# Entries that the page of the field's usual answers compares.
 FIELD = (
     "lqg",
     "lqg_imu",

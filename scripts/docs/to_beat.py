@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm_agents.board.measure import PUBLISHED
+from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.documentation import table
 from flexarm_env.laps import LAPS
@@ -180,6 +181,20 @@ def _smooth() -> str:
     return f"{text} {_of_board(OnBoard('nominal', ('smooth',), ('plan_lqr', 'lqg', 'shaped', 'agent square')))}"
 
 
+def _race() -> str:
+    """Write what the race's plans come to, and who follows them."""
+    first, fastest, whole = race_plan().notes["lap_times"]
+    steady = race_plan("steady").notes["lap_times"][2]
+    return f"""\
+The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
+{first:.2f} s for the first lap, {fastest:.2f} s for the fastest, and {whole:.2f} s for all three. On unknown arms it is
+lost at once, since the plan uses the whole 0.25 m. `race_lqg_adaptive` finds out what the arm is, along a plan of
+{steady:.2f} s that leaves a quarter of the torques; the plan waits for the arm, and the
+reference with it ([its figures](../lqg.md#races-on-unknown-arms)).
+
+![The fastest lap of the best known race beside the paper's, in real time](../figures/race.webp)"""
+
+
 def _carry() -> str:
     """Write what the board has of payloads that nobody knows; how it is measured, as long as the board has nothing."""
     if "carry" not in board()["columns"]:
@@ -209,14 +224,6 @@ hold, is in [the paper, reproduced](../reproduction.md)."""
 _LAB = """\
 The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
 the controllers by name."""
-_RACE = """\
-The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
-4.77 s for the first lap, 4.57 s for the fastest, and 14.18 s for all three. On unknown arms it is lost at once, since
-the plan uses the whole 0.25 m. `race_lqg_adaptive` finds out what the arm is, along a plan of 25.15 s that leaves a
-quarter of the torques; the plan waits for the arm, and the reference with it. It loses 8 of 256 unknown arms; the
-median of all is 25.14 s.
-
-![The fastest lap of the best known race beside the paper's, in real time](../figures/race.webp)"""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
@@ -238,6 +245,6 @@ _OTHERS: Mapping[str, Callable[[], str]] = {
     "Lab-v0": lambda: _LAB,
     "Carry-v0": _carry,
     "SmoothSquare-v0": _smooth,
-    "Race-v0": lambda: _RACE,
+    "Race-v0": _race,
     "Paper-v0": lambda: _PAPER,
 }
