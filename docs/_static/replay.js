@@ -16,10 +16,27 @@
   flexarm.replays = (value) => { index = value; };
   flexarm.replay = (row, lap, value) => laps.set(`${row}|${lap}`, decoded(value));
 
+  const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
+  /** Return whole numbers of 5 bits a digit, the lowest first, of which the lowest is the sign; 32: more follow. */
+  function numbers(text) {
+    const found = [];
+    let [value, place] = [0, 1];
+    for (const letter of text) {
+      const digit = DIGITS.indexOf(letter);
+      value += (digit % 32) * place;
+      place *= 32;
+      if (digit >= 32) continue;
+      found.push(value % 2 ? (1 - value) / 2 : value / 2);
+      [value, place] = [0, 1];
+    }
+    return found;
+  }
+
   /** Return the sequences that scripts.docs.replays.packed wrote as second differences. */
   function unpacked(data) {
-    return data.map((differences) => {
-      const values = Float64Array.from(differences);
+    return data.map((text) => {
+      const values = Float64Array.from(numbers(text));
       for (let k = 0; k < 2; k++) for (let n = 1; n < values.length; n++) values[n] += values[n - 1];
       return values;
     });
@@ -40,6 +57,8 @@
       const point = link.points[link.points.length - 1];
       return Float64Array.from({ length: value.instants }, (_, n) => bent(point, modal(found, n, k))[1]);
     });
+    const [x, y] = found.reference;
+    found.error = found.tip[0].map((one, n) => Math.hypot(one - x[n], found.tip[1][n] - y[n]));
     return found;
   }
 
@@ -86,10 +105,6 @@
   /** Return the number of the instant of a time; a lap that ended early stays where it ended. */
   const instant = (lap, time) => Math.min(lap.instants - 1, Math.round(time / lap.interval));
 
-  function distances(lap, reference) {
-    return Float64Array.from(lap.tip[0], (x, n) => Math.hypot(x - reference[0][n], lap.tip[1][n] - reference[1][n]));
-  }
-
   const rms = (values) => Math.sqrt(values.reduce((sum, one) => sum + one * one, 0) / values.length);
 
   // --- the viewer ---
@@ -97,7 +112,21 @@
   const state = { rows: ["", ""], lap: "swing", time: BEGIN, playing: false, speed: 1, small: false };
   const parts = {};
   let shown = [null, null]; // laps
-  let reference, colour, traces;
+  let colour, traces;
+
+  /** Offer the controllers that have such a lap; those that have none make room for others. */
+  function offer() {
+    const names = index.rows.filter((row) => row.files[state.lap]).map((row) => row.name);
+    const free = names.filter((name) => !state.rows.includes(name));
+    state.rows = state.rows.map((name) => (name === NOBODY || names.includes(name) ? name : free.shift()));
+    const pairs = names.map((name) => [name, name]);
+    const pick = (n) => (name) => { state.rows[n] = name; choose(); };
+    parts.lists.replaceChildren(
+      list("First controller", pairs, state.rows[0], pick(0)),
+      list("Second controller", [...pairs, [NOBODY, "nobody"]], state.rows[1], pick(1)),
+    );
+    return choose();
+  }
 
   async function choose() {
     parts.error.textContent = "";
@@ -109,10 +138,7 @@
     } catch (error) {
       parts.error.textContent = error.message;
     }
-    const told = index.references[state.lap];
-    reference = unpacked(told.data).map((one) => one.map((value) => value * told.step));
     shown = state.rows.map((row) => laps.get(`${row}|${state.lap}`) || null);
-    for (const lap of shown.filter(Boolean)) lap.error = distances(lap, reference);
     describe();
     traces = null;
     state.time = Math.min(state.time, end());
@@ -130,7 +156,7 @@
       return [element("dt", {}, name), element("dd", {}, `${row.text}; ${reads}`)];
     });
     parts.who.replaceChildren(...told);
-    parts.told.textContent = `The ${state.lap} lap: ${index.laps[state.lap]}.`;
+    parts.told.textContent = `The lap "${state.lap}": ${index.laps[state.lap].text}.`;
     const heads = state.rows.map((name) => element("th", { scope: "col" }, breakable(name)));
     parts.heads.replaceChildren(element("th", {}), ...heads);
   }
@@ -148,9 +174,7 @@
   function square(context, at) {
     context.strokeStyle = colour("path");
     context.lineWidth = 1.5;
-    const corners = [];
-    for (let n = 0; n < reference[0].length; n += 4) corners.push([reference[0][n], reference[1][n]]);
-    path(context, corners, at);
+    for (const { reference: [x, y] } of shown.filter(Boolean)) path(context, Array.from(x, (one, n) => [one, y[n]]), at);
   }
 
   function trail(context, lap, now, at) {
@@ -167,8 +191,10 @@
     context.globalAlpha = 1;
   }
 
-  function target(context, now, at, size) {
-    const [x, y] = at([reference[0][now], reference[1][now]]);
+  const reference = (lap, now) => [lap.reference[0][now], lap.reference[1][now]];
+
+  function target(context, lap, now, at, size) {
+    const [x, y] = at(reference(lap, now));
     context.strokeStyle = colour("target");
     context.lineWidth = 2;
     context.beginPath();
@@ -215,7 +241,11 @@
     context.fillStyle = colour("panel");
     for (const [point, size] of [[[0, 0], 2.5], [joint, 1.8]]) dot(context, point, at, size);
     context.fillStyle = outer;
-    dot(context, points[1][points[1].length - 1], at, 4.5);
+    const tip = points[1][points[1].length - 1];
+    const [taken, put] = index.laps[state.lap].carried;
+    const [x, y] = at(tip);
+    if (state.time >= taken && state.time < put) context.fillRect(x - 8, y - 8, 16, 16);
+    else dot(context, tip, at, 4.5);
   }
 
   function each(context, draw) {
@@ -234,15 +264,13 @@
     context.lineWidth = 2;
     each(context, (lap, now) => trail(context, lap, now, at));
     each(context, (lap, now) => arm(context, lap, now, at));
-    target(context, reach(), at, 5);
+    each(context, (lap, now) => target(context, lap, now, at, 5));
   }
-
-  const reach = () => Math.min(reference[0].length - 1, Math.round(state.time / 0.01));
 
   function close() {
     const { context, width, height } = fitted(parts.close);
-    const now = reach();
-    const [x0, y0] = [reference[0][now], reference[1][now]];
+    const first = shown.find(Boolean);
+    const [x0, y0] = reference(first, instant(first, state.time));
     const scale = width / 2 / CLOSE;
     const at = ([x, y]) => [width / 2 + scale * (x - x0), height / 2 - scale * (y - y0)];
     square(context, at);
@@ -253,7 +281,7 @@
       dot(context, [lap.tip[0][n], lap.tip[1][n]], at, 6);
       reading(context, lap, n, at, 7);
     });
-    target(context, now, at, 7);
+    each(context, (lap, n) => target(context, lap, n, at, 7));
     context.fillStyle = context.strokeStyle = colour("soft");
     context.lineWidth = 2;
     context.beginPath();
@@ -364,10 +392,12 @@
 
   // --- figures ---
 
+  const complete = (lap) => ["truncated", "finished"].includes(lap.ended);
   const FIGURES = [
     ["distance [mm]", (lap, n) => (1000 * lap.error[n]).toFixed(1)],
     ["so far, r.m.s. [mm]", (lap, n) => (1000 * rms(lap.error.slice(0, n + 1))).toFixed(1)],
-    ["whole lap, r.m.s. [mm]", (lap) => (lap.ended === "truncated" ? (1000 * rms(lap.error)).toFixed(1) : "lost")],
+    ["to the end, r.m.s. [mm]", (lap) => (complete(lap) ? (1000 * rms(lap.error)).toFixed(1) : "lost")],
+    ["to the end [s]", (lap) => ((lap.instants - (lap.ended === "truncated")) * lap.interval).toFixed(2)],
     ["torques [N m]", (lap, n) => lap.torque.map((one) => one[n].toFixed(0)).join(" / ")],
     ["deflections [m]", (lap, n) => lap.deflection.map((one) => one[n].toFixed(2)).join(" / ")],
   ];
@@ -380,7 +410,7 @@
   }
 
   function draw() {
-    if (!reference || !parts.arm.clientWidth) return; // not laid out: hidden, or another page is being opened
+    if (!shown.some(Boolean) || !parts.arm.clientWidth) return; // not laid out: hidden, or another page is being opened
     whole();
     if (!state.small) {
       close();
@@ -459,6 +489,7 @@
       play: element("button", { type: "button", class: "fx-button", "aria-pressed": "false", onclick: () => play(!state.playing) }, "▶ Play"),
       figures: element("tbody"),
       heads: element("tr"),
+      lists: element("div", { style: "display: contents" }),
       who: element("dl", { class: "fx-who" }),
       told: element("p", { class: "fx-hint" }),
       error: element("p", { class: "fx-error", role: "alert" }),
@@ -485,14 +516,10 @@
   }
 
   function all() {
-    const names = index.rows.map((row) => [row.name, row.name]);
-    const pick = (n) => (name) => { state.rows[n] = name; choose(); };
     return [
       element(
-        "div", { class: "fx-controls" },
-        list("First controller", names, state.rows[0], pick(0)),
-        list("Second controller", [...names, [NOBODY, "nobody"]], state.rows[1], pick(1)),
-        choices("Lap", "replay-lap", Object.keys(index.laps).map((lap) => [lap, lap]), state.lap, (lap) => { state.lap = lap; choose(); }),
+        "div", { class: "fx-controls" }, parts.lists,
+        choices("Lap", "replay-lap", Object.keys(index.laps).map((lap) => [lap, lap]), state.lap, (lap) => { state.lap = lap; offer(); }),
       ),
       parts.error,
       stage(element(
@@ -513,10 +540,9 @@
     const mount = document.getElementById("flexarm-replay");
     if (!mount || !index) return;
     const asked = decodeURIComponent(location.hash.slice(1));
-    const known = index.rows.map((row) => row.name);
-    const first = known.includes(asked) ? asked : "ifdc";
-    state.rows = [first, first === "lqg_adaptive" ? "agent square" : "lqg_adaptive"];
-    if (!known.includes(first)) state.rows = [known[0], known[1] || NOBODY];
+    const first = index.rows.find((row) => row.name === asked) || index.rows[0];
+    state.rows = [first.name, first.name === "lqg_adaptive" ? "agent square" : "lqg_adaptive"];
+    if (!first.files[state.lap]) [state.lap] = Object.keys(first.files);
     if (mount.dataset.small) {
       const [one, other, lap] = mount.dataset.small.split("|");
       Object.assign(state, { rows: [one, other], lap, small: true, speed: 0.25 });
@@ -527,6 +553,6 @@
     if (!state.small) document.addEventListener("keydown", (event) => event.target === document.body && keys(event));
     onTheme(() => { traces = null; draw(); });
     new ResizeObserver(() => { if (!state.playing) draw(); }).observe(mount);
-    choose().then(() => { if (state.small && !calm.matches) play(true); });
+    offer().then(() => { if (state.small && !calm.matches) play(true); });
   });
 })();

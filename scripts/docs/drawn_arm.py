@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.plotting import INK
-from scripts.docs.replays import FOLDER, INDEX, channels, file_name, read, unpacked
+from scripts.docs.replays import FOLDER, channels, file_name, read
 
 Array = NDArray[np.float64]
 ARM = FlexibleArm()
@@ -41,11 +41,10 @@ class Lap(NamedTuple):
 def recorded(row: str, lap: str) -> Lap:
     """Read a lap of a row of the board, as the site replays it."""
     one = read(FOLDER / file_name(row, lap))[2]
-    index = read(FOLDER / INDEX)[0]["references"][lap]
     found = channels(one)
     q = np.concatenate([found["joints"], found["modal"]], axis=1)
-    reference = unpacked(index["data"], index["step"])[: len(q)]
-    return Lap(one["interval"] * np.arange(len(q)), q, ARM.tip(q), found["sensed"], reference, found["torque"])
+    sensed, reference, torque = (found[name] for name in ("sensed", "reference", "torque"))
+    return Lap(one["interval"] * np.arange(len(q)), q, ARM.tip(q), sensed, reference, torque)
 
 
 def links(q: Array) -> list[Array]:

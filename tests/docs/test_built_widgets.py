@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_agents.board.tables import has_rank
+from flexarm_agents.board.tables import has_rank, on_square
+from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.docs import replays
-from scripts.docs.widgets import replay_names
 from tests.docs.test_built_site import WIDGET_PAGES
 from tests.docs.test_replays import BOARD
 from tests.support.browser import Browser
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 ROWS = "return [...document.querySelectorAll('#flexarm-leaderboard tbody tr')]"
 NAMES = f"{ROWS}.map(row => row.dataset.row)"
 CELLS = f"{ROWS}.map(row => row.cells[arguments[0]].textContent)"
-UNRANKED = [row["name"] for row in BOARD["rows"] if not has_rank(row)]
+UNRANKED = [row["name"] for row in BOARD["rows"] if not (has_rank(row) and on_square(row))]
 
 
 def test_the_leaderboard_sorts_by_its_headings(browser: Browser) -> None:
@@ -112,7 +112,7 @@ def test_the_chart_of_an_axis_names_the_first_rows(browser: Browser) -> None:
 
 TIME = "Number(document.querySelector('#flexarm-replay input[type=range]').value)"
 PICTURE = "return document.querySelector('.fx-arm').toDataURL()"
-PLAYED = "document.querySelectorAll('#flexarm-replay .fx-figures tbody tr').length === 5"
+PLAYED = "document.querySelectorAll('#flexarm-replay .fx-figures tbody tr').length === 6"
 
 
 @pytest.fixture
@@ -168,8 +168,7 @@ def test_the_viewer_draws_the_links_where_the_arm_has_them(viewer: Browser) -> N
             np.testing.assert_allclose(points, [arm.position(q[n], link, x) for x in places], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", replay_names())
-@pytest.mark.parametrize("lap", ["swing", "plain"])
+@pytest.mark.parametrize(("lap", "name"), [(lap, name) for lap in LAPS for name in replays.KINDS[lap].entries])
 def test_the_viewer_shows_the_errors_of_the_board(viewer: Browser, name: str, lap: str) -> None:
     viewer.choose("First", name)
     viewer.run("document.querySelector(`#flexarm-replay input[value='${arguments[0]}']`).click()", lap)
@@ -181,6 +180,18 @@ def test_the_viewer_shows_the_errors_of_the_board(viewer: Browser, name: str, la
     if row is not None:
         error = row["columns"]["nominal"]["points"][0][lap]["rms"]["mean"]
         assert float(shown) == pytest.approx(1000.0 * error, abs=0.051)
+
+
+@pytest.mark.parametrize("lap", ["race", "carry"])
+def test_the_viewer_offers_who_runs_a_lap_and_says_how_long_it_took(viewer: Browser, lap: str) -> None:
+    viewer.run("document.querySelector(`#flexarm-replay input[value='${arguments[0]}']`).click()", lap)
+    viewer.until(f"document.querySelector('.fx-hint + .fx-hint').textContent.includes('{lap}')")
+    offered = "return [...document.querySelector('#flexarm-replay select').options].map(one => one.value)"
+    assert set(viewer.run(offered)) == set(replays.KINDS[lap].entries)
+    name = viewer.run("return document.querySelector('#flexarm-replay select').value")
+    shown = viewer.run("return document.querySelectorAll('.fx-figures tbody tr')[3].cells[1].textContent")
+    one = replays.read(replays.FOLDER / replays.file_name(name, lap))[2]
+    assert float(shown) == pytest.approx(one["interval"] * one["instants"], abs=1.1 * one["interval"])
 
 
 def test_the_viewer_may_be_hidden_and_shown(viewer: Browser) -> None:
@@ -201,12 +212,14 @@ def test_the_traces_move_the_time(viewer: Browser) -> None:
     assert viewer.run(f"return {TIME}") == pytest.approx(7.7, abs=0.5)
 
 
-def test_the_link_of_a_row_chooses_it(browser: Browser) -> None:
+@pytest.mark.parametrize(("name", "lap"), [("agent square", "swing"), ("agent carry", "carry"), ("race_lqg", "race")])
+def test_the_link_of_a_row_chooses_it_and_a_lap_that_it_runs(browser: Browser, name: str, lap: str) -> None:
     browser.open("docs/leaderboard.html")
-    link = "document.querySelector('[data-row=\"agent square\"] .fx-play').href"
+    link = f"document.querySelector('[data-row=\"{name}\"] .fx-play').href"
     browser.driver.get(browser.run(f"return {link}"))
     browser.until(PLAYED)
-    assert browser.run("return document.querySelector('#flexarm-replay select').value") == "agent square"
+    assert browser.run("return document.querySelector('#flexarm-replay select').value") == name
+    assert browser.run("return document.querySelector('#flexarm-replay input:checked').value") == lap
 
 
 def test_motion_is_reduced_for_who_asks(browser: Browser) -> None:

@@ -16,7 +16,6 @@ from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.measure import PUBLISHED, as_csv
 from flexarm_agents.board.summary import nominal_errors
 from flexarm_agents.board.tables import has_rank, on_square
-from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
@@ -40,9 +39,12 @@ def test_numbers_are_read_as_they_were_written(values: list[list[int]]) -> None:
 def test_the_index_names_the_files_that_are_there() -> None:
     there = {path.name for path in replays.FOLDER.iterdir()}
     assert {file for _, _, file in FILES} | {replays.INDEX} == there
-    assert tuple(row["name"] for row in INDEX["rows"]) == replays.ENTRIES == tuple(replay_names())
-    assert set(replays.ENTRIES) <= {row.name for row in all_entries(())}
-    assert set(INDEX["laps"]) == set(LAPS)
+    shown = {lap: tuple(row["name"] for row in INDEX["rows"] if lap in row["files"]) for lap in INDEX["laps"]}
+    assert {lap: set(names) for lap, names in shown.items()} == {
+        lap: set(kind.entries) for lap, kind in replays.KINDS.items()
+    }
+    assert set(replay_names()) <= {row.name for row in all_entries(())}
+    assert [INDEX["laps"][lap]["carried"] for lap in ("race", "carry")] == [[], [5.0, 17.0]]
     assert all(row["text"] == replays.text_of(row["name"]) for row in INDEX["rows"])
     assert INDEX["links"] == replays.shapes(ARM)
 
@@ -53,13 +55,21 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
     row, which, one = replays.read(path)
     assert (row, which) == (name, lap)
     assert path.stat().st_size < MOST_BYTES
-    assert [channel[:2] for channel in one["channels"]] == [["joints", 2], ["modal", 6], ["sensed", 2], ["torque", 2]]
+    assert {channel: count for channel, count, _ in one["channels"]} == dict.fromkeys(replays.STEPS, 2) | {"modal": 6}
     assert {channel: step for channel, _, step in one["channels"]} == replays.STEPS
-    told = INDEX["references"][lap]
-    reference = replays.unpacked(told["data"], told["step"])
-    distance = np.linalg.norm(replays.tips(ARM, one) - reference[: one["instants"]], axis=1)
-    for row in BOARD["rows"]:
-        errors = nominal_errors(row)[lap] if row["name"] == name else None
+    distance = np.linalg.norm(replays.tips(ARM, one) - replays.channels(one)["reference"], axis=1)
+    (row,) = [row for row in BOARD["rows"] if row["name"] == name] or [None]
+    if lap == "race":
+        ((point,),) = [point.values() for point in row["columns"]["race"]["points"][:1]]
+        assert one["ended"] == "finished"
+        assert one["interval"] * one["instants"] == pytest.approx(point["three_laps"]["mean"], abs=one["interval"])
+        assert distance.max() < 0.25
+    elif lap == "carry":
+        assert one["ended"] == "truncated"
+        assert one["interval"] * (one["instants"] - 1) == pytest.approx(24.0)
+        assert distance.max() < 0.7
+    elif row is not None:
+        errors = nominal_errors(row)[lap]
         if errors is not None:
             assert one["ended"] == "truncated"
             settled = np.arange(len(distance)) * one["interval"] >= 2.0
@@ -68,9 +78,9 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
 
 
 def test_a_lap_of_today_is_the_one_that_is_committed() -> None:
-    _, laps = replays.record(Entry("student", "agent student"))
-    for lap, record in laps.items():
-        committed = replays.read(replays.FOLDER / replays.file_name("agent student", lap))[2]
+    for name, lap in (("student", "swing"), ("student", "plain"), ("carry", "carry")):
+        _, record = replays.record(Entry(name, f"agent {name}"), replays.KINDS[lap])
+        committed = replays.read(replays.FOLDER / replays.file_name(f"agent {name}", lap))[2]
         now, then = replays.channels(replays.replay(record)), replays.channels(committed)
         for channel, step in replays.STEPS.items():
             np.testing.assert_allclose(now[channel], then[channel], rtol=0.0, atol=1.5 * step)
