@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from itertools import product, takewhile
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,9 @@ def error_over_loss(path: Path) -> None:
     headline(figure, "All entries: what becomes of laps on arms that they do not know")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    label_dots(axis, dots)
+    label_dots(axis, [dot for dot in dots if dot[3] < INFINITE])
+    names = ", ".join(name for name, *_, error in sorted(dots, key=lambda dot: dot[2]) if error == INFINITE)
+    axis.text(0.05, 0.98, fill(f"Infinite, from left to right: {names}", 80), transform=axis.transAxes, va="top")
     write(figure, path)
 
 
