@@ -110,7 +110,6 @@ docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and env
 	$(PY) -m scripts.docs.paper
 	$(PY) -m scripts.docs.validation
 	$(PY) -m scripts.analysis --docs
-	$(PY) -m scripts.docs.chain_figures
 	$(PY) -m scripts.docs.environments
 	$(PY) -m scripts.docs.replays
 	$(PY) -m scripts.docs.pictures

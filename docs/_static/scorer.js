@@ -17,7 +17,7 @@ var Scorer = {
     const own = title.toLowerCase();
     const named = kind !== "object" && !own.includes(" > ") && words.every((word) => own.includes(word.replace(/s$/, "")));
     const rest = own.split(/\s+/).filter((word) => !/^(an?|the|and|of|to)$/.test(word)).length - words.length;
-    const record = /^(CHANGELOG|CONTRIBUTING|docs\/(validation|claims|reliability|announcing|versioning)$)/.test(page);
+    const record = /^(CHANGELOG|CONTRIBUTING|docs\/(validation|claims|reliability|versioning)$)/.test(page);
     const joined = words.join("_"); // as options are named
     const option = page === "docs/environments/options" && joined.includes("_") && new Stemmer().stemWord(joined) in Search._index.terms;
     return score + (named ? 20 + 10 / (1 + Math.max(rest, 0)) : 0) + (option ? 40 : 0) - (record ? 10 : 0);

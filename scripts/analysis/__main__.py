@@ -35,7 +35,6 @@ STUDIES = {
         {
             "largest_gains": tables.largest_gains,
             "margins_claim": tables.margins_claim,
-            "margins": tables.margins,
             "margins_by_modes": tables.margins_by_modes,
             "simulated": tables.simulated,
         },

@@ -54,26 +54,6 @@ def _time(seconds: float | None) -> str:
     return f"{1e3 * seconds:.1f}" if seconds > 0.02 else f"{1e3 * seconds:.3g}"
 
 
-def margins(results: Results) -> str:
-    """Tabulate the delay margins of all gains of a loop in one row, and how much of them the loop's own delay takes."""
-    rows, room, keys = results["linear"]["rows"], results["linear"]["room"], ("arm", "sensor", "delayed")
-
-    def ratio(row: dict[str, Any]) -> str:
-        if row["least"] > 1.0:
-            return f"{row['least']:.1f} to {row['most']:.1f}: stable"
-        return f"1/{1.0 / row['least']:.0f} to 1/{1.0 / row['most']:.1f}: **unstable**"
-
-    body = []
-    for own in room:
-        found = [row for row in rows if all(row[key] == own[key] for key in keys)]
-        cells = [" / ".join(_time(row[place]["delay_margin"]) for row in found) for place in ("corner", "mid-side")]
-        body.append([own["arm"], own["sensor"], _late(own["delayed"]), _time(found[0]["corner"]["delay"]), *cells])
-        body[-1].append(ratio(own))
-    gains = " / ".join(f"{gain:.3g}" for gain in dict.fromkeys(row["gain"] for row in rows))
-    head = ["arm", "sensor", "late", "its delay [ms]", f"delay margin [ms] at lambda = {gains}, corner", "mid-side"]
-    return table([*head, "margin over delay"], body)
-
-
 def margins_claim(results: Results) -> str:
     """Write the claim about margins as a paragraph."""
     rows = results["linear"]["room"]
@@ -118,10 +98,6 @@ def simulated(results: Results) -> str:
         "Held in place and pushed a little, the nonlinear simulation begins to diverge\n"
         f"within {100.0 * max(off):.1f} % of the linear margin in all {len(off)} cases.\n"
     )
-
-
-def _late(delayed: str) -> str:
-    return "position" if delayed == "position" else "position and rate"
 
 
 def largest_gains(results: Results) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib import import_module
 
 from flexarm_agents.commands import VERBS
@@ -15,6 +15,7 @@ from scripts import train as trainings
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
 
+SHARED = 4  # algorithms that have an option which the page explains
 DEFAULT = re.compile(r" \(default: (.*)\)$")
 
 
@@ -55,17 +56,26 @@ def split(reader: Reader, seen: dict[tuple[str, str], str]) -> tuple[list[tuple[
 
 
 def algorithms() -> str:
-    """Write the options of `flexarm train`, with the defaults by algorithm where they differ."""
+    """Write the options of `flexarm train` that most algorithms have, with the defaults where they differ."""
     found: dict[str, dict[str, tuple[str, str]]] = {}
     for name in ALGORITHMS:
         for flags, meaning in options(training(name)):
             default = DEFAULT.search(meaning)
             found.setdefault(flags, {})[name] = DEFAULT.sub("", meaning), default[1] if default else ""
-    found = {f"{flags}{_of(of)}": of for flags, of in found.items()}
+    shown = {f"{flags}{_of(of)}": of for flags, of in found.items() if len(of) >= SHARED}
     rows = [
-        [flags, *(by_algorithm([one[at] for one in of.values()], of) for at in (0, 1))] for flags, of in found.items()
+        [flags, *(by_algorithm([one[at] for one in of.values()], of) for at in (0, 1))] for flags, of in shown.items()
     ]
-    return table(("option", "meaning", "default"), rows)
+    return table(("option", "meaning", "default"), rows) + "\n".join(("", *_own(found), ""))
+
+
+def _own(found: Mapping[str, Collection[str]]) -> Iterator[str]:
+    """Name the options of one algorithm or two, whose meanings its help prints."""
+    for name in ALGORITHMS:
+        flags = [
+            re.sub(r"[`,].*", "", one[1:]).split()[0] for one, of in found.items() if name in of and len(of) < SHARED
+        ]
+        yield f"- `{name}` also has {', '.join(f'`{flag}`' for flag in flags)}."
 
 
 def _of(names: Collection[str]) -> str:

@@ -128,7 +128,6 @@ CHAPTERS: Mapping[str, Chapter] = {
         {
             "CONTRIBUTING": "Where things are, how a change is made, and which checks it must pass.",
             "docs/developers/reliability": "What is tried against the package, and how often.",
-            "docs/developers/announcing": "Texts that announce a release.",
             "docs/developers/*": "",
             "docs/validation": "The physics against beams, finite elements and two other engines.",
             "SECURITY": "How to report a weakness.",

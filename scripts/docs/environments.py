@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import textwrap
 from dataclasses import dataclass, fields
@@ -12,6 +11,7 @@ from flexarm_env.envs import documentation as doc
 from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs import option_types
 from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
@@ -19,7 +19,6 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.parameters import ArmParameters
 from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
-from scripts.docs import chain_figures
 from scripts.docs.env_pictures import PICTURES, frames, write_moving
 from scripts.docs.to_beat import best, to_beat
 
@@ -50,10 +49,9 @@ _START = """\
 The option `start` says how the arm begins an episode. `reset(options={"start": "corner"})` overrides it once, and
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
 _BATCH = f"""\
-`gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)` makes a batch: one environment that steps all its
-arms in one compiled loop, far faster than as many single environments. Observations, rewards and flags are arrays with
-a row for each arm. [Use batches](../how_to/batch.md) explains kernels, autoreset modes, threads, arms that differ, and
-batches for Stable-Baselines3."""
+`gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)` makes a [batch](../how_to/batch.md): one
+environment that steps all its arms in one compiled loop. Observations, rewards and flags are arrays with a row for
+each arm."""
 _OPTIONS = """\
 Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of
 `FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
@@ -66,16 +64,6 @@ _ARM = """\
 The docstring of `flexarm_env.ArmParameters` explains each parameter. The ranges end far beyond any arm that is built. A
 combination that cannot be simulated (masses too far apart for double precision, a mode so fast that a control period
 takes more than 20 000 integration steps) raises an error with the numbers that decide."""
-_CHAIN_SCORES = """\
-The same controllers on the chain and on the default arm: shipped agents with torques, without noise, and IFDC with
-`action_mode="gain"`. Encoders and gauges of the chain read fast vibrations that the default arm does not have. The PPO
-agent, trained on the default arm alone, reacts to them."""
-_CHAIN_STEPS = """\
-A step of 0.5 ms is within a millimetre (r.m.s.) of finer ones, and 20 segments are within half a millimetre of more.
-MuJoCo's `implicitfast` (semi-implicit Euler with implicit dampers) is of first order; Runge-Kutta is unstable even at
-0.05 ms, since the material's dampers make the fastest segments stiff. The laps are swing laps of `student_unknown`, in
-closed loop on each chain. Steps per second are control periods by the processor time of one core.
-`python -m scripts.docs.chain_figures` measures both tables."""
 
 
 @dataclass
@@ -96,7 +84,7 @@ TYPES = Path(option_types.__file__)
 
 def pages() -> dict[str, str]:
     """All pages by file name."""
-    shared = {"README.md": index(), "options.md": options_page(), "chain.md": chain_page()}
+    shared = {"README.md": index(), "options.md": options_page()}
     return shared | {f"{stem(name)}.md": page(name, one) for name, one in IDS.items()}
 
 
@@ -150,55 +138,38 @@ def options_page() -> str:
     return _assembled("Options", [_OPTIONS], sections)
 
 
-def chain_page() -> str:
-    """Write what was measured of the chain, with the options that it has for itself."""
-    found = json.loads(chain_figures.FILE.read_text())
-    one = IDS[chain_figures.CHAIN]
-    assert one.options_of is not None
-    name = f"`{NAMESPACE}/{chain_figures.CHAIN}`"
-    first = (
-        f"How do controllers score on the MuJoCo chain of {name}, and is it fine enough? A student of random arms "
-        "keeps nearly all of its accuracy; PPO trained on the default arm alone does not. 20 segments a link and steps "
-        "of 0.5 ms suffice."
-    )
-    sections = {
-        "Scores beside the default arm's": [_CHAIN_SCORES, chain_figures.score_table(found)],
-        "How fine the chain is": [
-            _CHAIN_STEPS,
-            chain_figures.convergence_table(found, "steps"),
-            chain_figures.convergence_table(found, "segments"),
-        ],
-        "Options of its own": [doc.declared_table(one.options_of)],
-    }
-    return _assembled("The chain in MuJoCo", [_wrapped(first)], sections)
-
-
 def page(name: str, one: Id) -> str:
     """Write the page of an id; the site appends the specification (`scripts.docs.widgets`)."""
     picture = f"![{NAMESPACE}/{name}]({stem(name)}.webp)\\\n*{PICTURES[name].caption}*"
     same = "Nothing: the other ids are compared with this one."
-    head = ("option", "here", "in Square-v0", "meaning")
-    chain = doc.table(
-        head, [("`arm`", "rigid segments", '`"default"`', "simulated by MuJoCo, with the default parameters")]
-    )
-    different = chain if name == chain_figures.CHAIN else doc.difference_table(one) or same
+    different = _chain() if one.options_of else doc.difference_table(one) or same
     different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
     sections = {"What is different from Square-v0": [different], "What to beat": [_paragraphs(to_beat(name))]}
     top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
 
 
+def _chain() -> str:
+    """Tabulate what the chain has in place of the arm."""
+    rows = [("`arm`", "rigid segments", '`"default"`', "simulated by MuJoCo, with the default parameters")]
+    for option in fields(ChainOptions):
+        allowed, text = option.metadata["allowed"], option.metadata["text"]
+        rows.append(
+            (f"`{option.name}`", f"`{option.default}`", "", f"{text} ({allowed.text} {allowed.unit}".strip() + ")")
+        )
+    return doc.table(("option", "here", "in Square-v0", "meaning"), rows)
+
+
 def _facts(name: str, one: Id) -> str:
     settings = Settings.of(one.options)
     actions, observations = doc.spaces(settings)
     readings = dict.fromkeys(BLOCKS[block].reads or "" for block in settings.observation)
-    chain = "; [how fine the chain is](chain.md)" if name == chain_figures.CHAIN else ""
     install = f', after `pip install -e ".[{one.extra}]"` in a clone' if one.extra else ""
     more = f"[terms](../concepts.md), [what all ids share](README.md), `flexarm show {name}`: everything"
     rows = [
         ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
         ("Episode", doc.timing(one)),
-        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}; {more}{chain}'),
+        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}; {more}'),
     ]
     return doc.table(("Action", f"`{actions}`"), rows)
 

@@ -20,7 +20,7 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
 from scripts.common.markdown import fill_pages
 from scripts.common.trainings import trained_all
-from scripts.shipped import board, tables
+from scripts.shipped import board
 from scripts.shipped.agents import AGENTS
 from scripts.shipped.board import measured
 from scripts.shipped.curves import keep_curves
@@ -74,8 +74,6 @@ def write_tables(output: Path) -> None:
     output.mkdir(parents=True, exist_ok=True)
     cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
     texts = {
-        "agent_scores": tables.scores(AGENTS),
-        "agent_costs": tables.costs(cards),
         "nominal_plant": board.nominal(cards),
         "unknown_plant": board.unknown(cards),
         "own_tasks": board.own_tasks(cards),

@@ -222,21 +222,6 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm(uncompiled: None) ->
     np.testing.assert_allclose(info["torque"], expected["torque"], rtol=0.2)
 
 
-@pytest.mark.slow
-def test_the_pages_scores_are_what_laps_give() -> None:
-    """Those of the shipped agent on the chain."""
-    import json
-
-    from scripts.docs import chain_figures
-
-    found = json.loads(chain_figures.FILE.read_text())
-    for row in found["scores"]:
-        if (row["arm"], row["controller"]) == ("the chain", chain_figures.CONTROLLERS[0]):
-            scores, _ = chain_figures.lap(chain_figures.CHAIN, row["controller"], row["lap"])
-            assert scores["rms"] == pytest.approx(row["rms"], rel=1e-6)
-            assert scores["rms_after_2s"] == pytest.approx(row["rms_after_2s"], rel=1e-6)
-
-
 def test_a_record_has_the_chains_own_tip() -> None:
     """Not that of the model whose coordinates the gauges read; the two are apart where torques jump."""
     from flexarm_env.rollout import run_policy
@@ -247,17 +232,6 @@ def test_a_record_has_the_chains_own_tip() -> None:
     last = env.unwrapped.simulator.plant.chain.tip()
     np.testing.assert_allclose(run.tip[-1], last, atol=1e-12)
     assert np.linalg.norm(env.unwrapped.arm.tip(run.state[-1, :8]) - last) > 1e-4
-
-
-@pytest.mark.parametrize("kind", ["steps", "segments"])
-def test_the_pages_chains_converge(kind: str) -> None:
-    import json
-
-    from scripts.docs import chain_figures
-
-    away = [row["away"]["rms"] for row in json.loads(chain_figures.FILE.read_text())[kind]]
-    assert away == sorted(away, reverse=True)
-    assert away[-2] < 5e-4
 
 
 @pytest.mark.parametrize(

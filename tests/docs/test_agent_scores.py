@@ -11,7 +11,7 @@ import pytest
 from flexarm_agents.board.cells import Store
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.markdown import shown_blocks
-from scripts.shipped import board, tables
+from scripts.shipped import board
 from scripts.shipped.agents import AGENTS
 from tests.support.boards import leaves
 
@@ -22,13 +22,8 @@ def cards() -> dict[str, dict[str, Any]]:
 
 
 def test_every_table_is_on_a_page() -> None:
-    shipped = {"agent_scores", "agent_costs"}
-    assert {*shipped, "nominal_plant", "unknown_plant"} <= shown_blocks().keys()
+    assert {"nominal_plant", "unknown_plant"} <= shown_blocks().keys()
     assert shown_blocks()["own_tasks"] == board.own_tasks(cards())
-
-
-def test_the_scores_are_what_laps_give() -> None:
-    assert shown_blocks()["agent_scores"] == tables.scores(AGENTS)
 
 
 # Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;
@@ -54,6 +49,5 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
 def test_the_tables_of_trainings_are_those_of_the_cards() -> None:
     """And of the published board, where controllers stand beside."""
     page = shown_blocks()
-    assert page["agent_costs"] == tables.costs(cards())
     assert page["nominal_plant"] == board.nominal(cards())
     assert page["unknown_plant"] == board.unknown(cards())

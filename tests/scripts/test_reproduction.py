@@ -76,12 +76,6 @@ def test_numbers_agree_but_for_the_errata(results: Path) -> None:
             assert row["note"] or row["name"].startswith("clock time"), row
 
 
-def test_the_committed_table_of_the_papers_arm_matches(laps: dict[str, dict[str, Any]]) -> None:
-    """The others take the whole reproduction, below."""
-    page = (ROOT / "docs" / paper.PAGE).read_text()
-    assert f"<!-- generated: summary_paper -->\n{tables.runs({'paper': laps}, 'paper')}<!-- end -->" in page
-
-
 @pytest.mark.slow
 def test_committed_tables_and_figures_match(results: Path) -> None:
     """`make docs` brings them up to date."""

@@ -9,7 +9,7 @@ from flexarm_agents import StandardScore, config_of, load_policy
 from flexarm_agents.files import write_json
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.trainings import Training, trained
-from scripts.shipped import board, tables
+from scripts.shipped import board
 from scripts.shipped.curves import keep_curves
 from scripts.shipped.trainings import export, median
 from tests.support.refusals import refuses
@@ -78,11 +78,6 @@ def test_curves_are_kept(tmp_path: Path) -> None:
         "plain": [None, 0.2, 0.1],
     }
     assert (tmp_path / "curves.png").stat().st_size > 10_000
-
-
-def test_an_early_end_is_marked_in_each_figure() -> None:
-    lap = StandardScore.of(training(0, None).best).swing
-    assert tables.errors(lap) == ("lost: error after 16.0 s", "lost", "lost")
 
 
 def test_agents_stand_beside_controllers() -> None:
