@@ -75,6 +75,8 @@ def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
     for name, row in (("best", outcome.best), ("last", outcome.last)):
         print(f"{name}: {read_score(row)}, at {row['steps']} steps")
     print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
+    if pictures := sorted(map(str, outcome.folder.glob("*.png"))):
+        print(f"pictures: {', '.join(pictures)}")
     trained = load_policy(outcome.folder)
     races = settings_of(trained.environment, trained.options).mode.races
     lap = " --lap own" if races else ""

@@ -22,9 +22,13 @@ from flexarm_agents.evaluation.races import FINISHED, evaluate
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
+from flexarm_agents.policies.load import load_policy
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.training.config import RunConfig
+from flexarm_agents.training.pictures import draw_curve, draw_laps
 from flexarm_agents.training.run_folder import RunFolder, read_checkpoint, write_checkpoint
+from flexarm_env.laps import LAPS
+from flexarm_env.rollout import run_policy
 
 _log = logging.getLogger(__name__)
 EVALUATION_SEED = 1_000_003  # not one of the training's, for any small seed
@@ -167,6 +171,8 @@ class TrainingLoop:
         self._training, self._stop = training, stop
         training.logger = configure(str(training.run.logs), ["tensorboard"])
         self._env = make_one(training.config.environment, training.config.options)
+        self._races = self._env.unwrapped.settings.mode.races  # type: ignore[attr-defined]
+        self._laps = {"plain": "race"} if self._races else {lap: f"{lap} lap" for lap in LAPS}
         self._versions = json.loads(training.run.versions.read_text())
         self._began, self._before = time.perf_counter(), training.progress.seconds
         with_bar = progress and sys.stderr.isatty()
@@ -179,6 +185,10 @@ class TrainingLoop:
         if training.steps < training.total:
             training.learn(self._pause)
             self._attend(last=True)
+            best = load_policy(training.run.path).policy
+            own = {title: None if self._races else lap for lap, title in self._laps.items()}
+            runs = {title: run_policy(self._env, best, EVALUATION_SEED, lap=lap) for title, lap in own.items()}
+            draw_laps(runs, training.run.laps)
 
     def close(self) -> None:
         """Close files, environments and the bar."""
@@ -224,6 +234,7 @@ class TrainingLoop:
                     training.logger.record(f"evaluation/{lap}/{name}", figures[name])
         training.logger.dump(training.steps)
         training.run.write_evaluations(found.rows)
+        draw_curve(found.rows, self._laps, training.run.curve)
         if (of_these := rank(scores)) < found.best_rank:
             found.best, found.best_rank = len(found.rows) - 1, of_these
             put(training.run.best, self._noted(policy).save)

@@ -38,6 +38,8 @@ class RunFolder:
         self.last = self.path / "last_policy.npz"  # the policy at the end
         self.initial = self.path / "initial_policy.npz"  # whose network the training began with, if there is one
         self.checkpoint = self.path / "checkpoint.zip"  # from which the training resumes
+        self.curve = self.path / "learning_curve.png"  # drawn anew after each evaluation, where there is matplotlib
+        self.laps = self.path / "laps.png"  # of the best policy at the end
         self.logs = self.path / "tensorboard"
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:

@@ -130,7 +130,7 @@ def write(path: Path) -> None:
         for picture in PICTURE.findall(page):
             target = DOCS / picture
             target.parent.mkdir(parents=True, exist_ok=True)
-            with Image.open(Path(folder) / target.name) as drawn:
+            with Image.open(next(Path(folder).rglob(target.name))) as drawn:
                 drawn.convert("RGB").quantize(SHADES).save(target, optimize=True)
     path.write_text("".join([*parts, page[done:]]), encoding="utf-8")
 

@@ -42,8 +42,8 @@ STEPS = {"dagger": [6400, 12800, 19200], "fopg": [64, 128, 192, 256]}
 ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
 ENCODERS |= {"dagger": PastReadings, "privileged": PastReadings}
 LEFT = {
-    "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
-    "tensorboard", "versions.json",
+    "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "laps.png",
+    "last_policy.npz", "learning_curve.png", "tensorboard", "versions.json",
 }  # fmt: skip
 MORE = {"dagger": {"plans"}, "fopg": set(), "initial": {"best_model.zip", "initial_policy.npz"}}
 
