@@ -11,7 +11,7 @@ PERIOD = 0.01  # [s], between two rows: a control period
 LAP, TAUGHT = 12.0, 10.0  # [s]: duration of a path, and of its part that is taught: previews do not reach its end
 RING = (2.2, 8.95)  # [m]: distances from the shoulder
 LAP_TIMES = (8.0, 20.0)  # [s], for once round a path
-FASTEST = 5.0  # [m/s]
+FASTEST = 6.5  # [m/s]
 SIDES = 720  # of a curve
 BLENDS = (0.1, 0.8)  # [s]: over which corners that are not sharp are blended
 
@@ -46,9 +46,9 @@ def drawn_path(random: np.random.Generator) -> Array:
 
 def _polygon(random: np.random.Generator) -> Array:
     count = int(random.integers(2, 7))
-    if random.random() < 0.5:  # regular, about the shoulder; its corners are often near the end of the reach
+    if random.random() < 0.6:  # regular, about the shoulder; its corners are often near the end of the reach
         count = max(count, 3)
-        radius = np.full(count, random.uniform(4.5, RING[1], 3).max())
+        radius = np.full(count, random.uniform(*((8.6, RING[1]) if random.random() < 0.6 else (4.5, RING[1]))))
         angle = random.uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(count) / count
     else:
         angle, radius = random.uniform(0.0, 2.0 * np.pi, count), random.uniform(*RING, count)
