@@ -5,6 +5,7 @@ Without matplotlib (extra `plot`) there are none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,9 +36,10 @@ def draw_curve(rows: Sequence[Mapping[str, Any]], laps: Mapping[str, str], path:
     axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     for axis, name in zip(axes, panels, strict=True):
         for lap, title in laps.items():
-            points = [(1e-6 * row["steps"], row[lap][name], row[lap]["complete"]) for row in rows]
-            steps, values, complete = zip(*((x, y, done) for x, y, done in points if y is not None), strict=True)
-            axis.plot(steps, values, "-o", label=title, markersize=4, markevery=list(complete))
+            values = [math.nan if row[lap][name] is None else row[lap][name] for row in rows]
+            complete = [row[lap]["complete"] for row in rows]
+            steps = [1e-6 * row["steps"] for row in rows]
+            axis.plot(steps, values, "-o", label=title, markersize=4, markevery=complete)
         axis.set(ylabel=PANELS[name], yscale="log" if name == "rms" else "linear")
     axes[0].legend()
     axes[-1].set_xlabel("environment steps, millions")

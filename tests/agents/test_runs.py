@@ -21,6 +21,7 @@ from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.observer import Observer
 from flexarm_agents.training.config import RunConfig, read_config
+from flexarm_agents.training.pictures import draw_curve
 from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
@@ -226,3 +227,10 @@ def test_a_folder_without_a_training(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FileExistsError, match="file: exists"):
         train(config_of(**TINY), tmp_path / "file")
+
+
+@pytest.mark.parametrize("complete", [("swing",), ("plain",), ()])
+def test_the_curve_is_drawn_while_some_laps_are_lost(complete: tuple[str, ...], tmp_path: Path) -> None:
+    row = {lap: {"duration": 2.0, "rms": 0.1 if lap in complete else None, "complete": lap in complete} for lap in LAPS}
+    draw_curve([{"steps": 1000, **row}, {"steps": 2000, **row}], {lap: lap for lap in LAPS}, tmp_path / "curve.png")
+    assert (tmp_path / "curve.png").stat().st_size > 1000
