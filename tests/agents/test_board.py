@@ -1,7 +1,5 @@
 """The board: what a cell depends on, that its bits are its own, and what rows add up to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

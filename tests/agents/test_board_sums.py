@@ -1,7 +1,5 @@
 """The board: what episodes add up to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`flexarm evaluate --sweep`: one row along one axis."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Policies as numpy runs them: the actions of torch, encoders and their memory, files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The policies that are shipped."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """LQG that finds out what the arm, the sensor and the motors are: its plans, its two filters, and a run."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

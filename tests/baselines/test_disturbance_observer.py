@@ -1,7 +1,5 @@
 """The disturbance observer: its momenta and energies by the mass matrix, and its rate by the loop at rest."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

@@ -1,64 +1,155 @@
-"""Mamdani inference worked by hand, and properties of the paper's system."""
+"""Mamdani inference: against exact rational arithmetic, the paper's rules by hand, and what is refused."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from flexarm_baselines import PAPER_GAIN_RANGE, paper_system
-from flexarm_baselines.paper_law.fuzzy_kernels import membership
-from tests.support.fuzzy_variables import PAPER, ROUNDING
+from flexarm_baselines import (
+    PAPER_GAIN_RANGE,
+    FuzzyVariable,
+    MamdaniSystem,
+    TriangularSet,
+    paper_system,
+)
 
-deltas = st.floats(-7.0, 7.0)  # past the ends of the universe
+Triangle = tuple[Fraction, Fraction, Fraction]
+PAPER = paper_system()
+ROUNDING = 1e-14  # the universes have width 1 to 10 and a result takes some tens of operations
+DELTAS = st.floats(-7.0, 7.0)  # past the ends of the universe
 
 
+def variable(
+    *corners: tuple[float, float, float], universe: tuple[float, float] = (0.0, 1.0), name: str = "x"
+) -> FuzzyVariable:
+    return FuzzyVariable(name, universe, tuple(TriangularSet(*c) for c in corners))
+
+
+def rational_membership(x: Fraction, triangle: Triangle) -> Fraction:
+    left, peak, right = triangle
+    if not left <= x <= right:
+        return Fraction(0)
+    rising = (x - left) / (peak - left) if x < peak else Fraction(1)
+    falling = (right - x) / (right - peak) if x > peak else Fraction(1)
+    return min(rising, falling)
+
+
+def rational_centroid(clipped: Sequence[tuple[Triangle, Fraction]], universe: tuple[Fraction, Fraction]) -> Fraction:
+    """Integrate over x, between all points at which two of the lines that bound the union can cross."""
+    low, high = universe
+    lines = {(Fraction(0), Fraction(0))}
+    knots = {low, high}
+    for (left, peak, right), height in clipped:
+        knots |= {left, peak, right}
+        lines.add((height, Fraction(0)))
+        if left < peak:
+            lines.add((-left / (peak - left), 1 / (peak - left)))
+        if peak < right:
+            lines.add((right / (right - peak), -1 / (right - peak)))
+    for (a, b), (c, d) in itertools.combinations(lines, 2):
+        if b != d:
+            knots.add((c - a) / (b - d))
+    area = moment = Fraction(0)
+    for start, stop in itertools.pairwise(sorted(x for x in knots if low <= x <= high)):
+        width, middle = stop - start, (start + stop) / 2
+        thirds = (start + width / 3, stop - width / 3)  # inside, where vertical edges leave no doubt
+        at = [max(min(height, rational_membership(x, t)) for t, height in clipped) for x in thirds]
+        mean, slope = (at[0] + at[1]) / 2, 3 * (at[1] - at[0]) / width
+        area += mean * width
+        moment += mean * width * middle + slope * width**3 / 12
+    return moment / area
+
+
+def rational_evaluate(system: MamdaniSystem, inputs: Sequence[float]) -> Fraction:
+    def triangles(v: FuzzyVariable) -> list[Triangle]:
+        return [(Fraction(s.left), Fraction(s.peak), Fraction(s.right)) for s in v.sets]
+
+    mu = []
+    for v, value in zip(system.inputs, inputs, strict=True):
+        low, high = map(Fraction, v.universe)
+        x = min(max(Fraction(value), low), high)
+        mu.append([rational_membership(x, t) for t in triangles(v)])
+    heights = [Fraction(0)] * len(system.output.sets)
+    for rule in np.ndindex(system.rules.shape):
+        k = system.rules[rule]
+        heights[k] = max(heights[k], min(m[i] for m, i in zip(mu, rule, strict=True)))
+    low, high = map(Fraction, system.output.universe)
+    return rational_centroid(list(zip(triangles(system.output), heights, strict=True)), (low, high))
+
+
+eighths = st.integers(-16, 16).map(lambda i: i / 8)
+
+
+@st.composite
+def input_variables(draw: st.DrawFn) -> FuzzyVariable:
+    peaks = sorted(draw(st.sets(eighths, min_size=2, max_size=4)))
+    reach = draw(st.sampled_from([0.0, 0.125, 1.0]))  # how far each set reaches past its neighbours' peaks
+    outer = draw(st.sampled_from([0.0, 1.0]))  # 0: shoulders at the ends of the universe
+    feet = [peaks[0] - outer - reach * (outer > 0), *peaks, peaks[-1] + outer + reach * (outer > 0)]
+    sets = []
+    for left, peak, right in zip(feet, peaks, feet[2:], strict=False):
+        sets.append((left - reach * (left in peaks and left < peak), peak, right + reach * (right > peak)))
+    return variable(*sets, universe=(peaks[0], peaks[-1]))
+
+
+@st.composite
+def output_variables(draw: st.DrawFn) -> FuzzyVariable:
+    count = draw(st.integers(1, 4))
+    rows = [sorted(draw(st.lists(eighths, min_size=count, max_size=count))) for _ in range(2)]
+    feet, peaks = np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist()  # neither steps back
+    corners = [(foot, peak, peak + abs(draw(eighths))) for foot, peak in zip(feet, peaks, strict=True)]
+    low = peaks[0] - draw(st.integers(-4, 8)) / 8  # the universe may cut off feet, and peaks
+    high = peaks[-1] + draw(st.integers(-4, 8)) / 8
+    assume(all(left < right and max(left, low) < min(right, high) for left, _, right in corners))
+    return variable(*corners, universe=(low, high), name="y")
+
+
+@st.composite
+def systems(draw: st.DrawFn) -> MamdaniSystem:
+    inputs = draw(st.lists(input_variables(), min_size=1, max_size=3))
+    output = draw(output_variables())
+    shape = tuple(len(v.sets) for v in inputs)
+    index = st.integers(0, len(output.sets) - 1)
+    size = int(np.prod(shape))
+    rules = np.array(draw(st.lists(index, min_size=size, max_size=size))).reshape(shape)
+    return MamdaniSystem(inputs, output, rules)
+
+
+@given(systems(), st.data())
+def test_any_system_agrees_with_rational_arithmetic(system: MamdaniSystem, data: st.DataObject) -> None:
+    count = len(system.inputs)
+    x = [data.draw(st.integers(-40, 40)) / 16 for _ in range(count)]
+    low, high = system.output.universe
+    result = system.evaluate(x)
+    assert result == pytest.approx(float(rational_evaluate(system, x)), abs=1e-13 * (high - low + 2.0))
+
+
+@pytest.mark.parametrize("width_scale", [0.75, 1.0, 1.5])
+def test_the_papers_system_agrees_with_rational_arithmetic(width_scale: float) -> None:
+    system = paper_system(width_scale)
+    axis = [-6.0, -4.1, -2.5, -1.0, 0.0, 0.7, 3.3, 5.0]
+    points = list(itertools.product(axis, axis))
+    expected = [float(rational_evaluate(system, point)) for point in points]
+    np.testing.assert_allclose(system.evaluate(points), expected, atol=1e-13, rtol=0)
+
+
+# Where one rule alone acts: ZERO, PMAX and PM have their centroids at 1/6, 5/6 and 1/2.
 @pytest.mark.parametrize(
-    ("delta", "expected"),
-    [
-        # Both ZERO: the triangle from 1 at 0 to 0 at 1/2, centroid at a third of its base.
-        ((0.0, 0.0), 1 / 6),
-        # Both extreme: PMAX alone, the mirror image.
-        ((5.0, 5.0), 5 / 6),
-        ((-5.0, 5.0), 5 / 6),
-        # One extreme, one ZERO: PM alone, symmetric about 1/2.
-        ((5.0, 0.0), 1 / 2),
-        ((0.0, -5.0), 1 / 2),
-        # delta1 is ZERO and P to 1/2 each, delta2 is ZERO: ZERO and PM are clipped at 1/2. Their union is 1/2
-        # on [0, 3/4] and falls to 0 at 1. Area 3/8 + 1/16 = 7/16, moment 3/8 * 3/8 + 1/16 * 5/6 = 37/192.
-        ((2.5, 0.0), 37 / 84),
-        # Both are ZERO and P to 1/2: all three sets are clipped at 1/2, the union is 1/2 on all of [0, 1].
-        ((2.5, 2.5), 1 / 2),
-        # delta1 is ZERO to 4/5 and P to 1/5: ZERO clipped at 0.8, PM at 0.2. The union is 0.8 on [0, 0.1],
-        # falls to 0.2 at 0.4, stays there to 0.9 and falls to 0 at 1. Area 0.08 + 0.15 + 0.1 + 0.01 = 0.34,
-        # moment 0.08 * 0.05 + (0.06 * 0.25 + 0.09 * 0.2) + 0.1 * 0.65 + 0.01 * (0.9 + 1/30) = 167/1500.
-        ((1.0, 0.0), 167 / 510),
-    ],
+    ("delta", "expected"), [((0.0, 0.0), 1 / 6), ((-5.0, 5.0), 5 / 6), ((5.0, 0.0), 1 / 2), ((0.0, -5.0), 1 / 2)]
 )
 def test_the_paper_system_by_hand(delta: tuple[float, float], expected: float) -> None:
     assert PAPER.evaluate(delta) == pytest.approx(expected, abs=ROUNDING)
 
 
-def test_a_vertical_edge_belongs_to_its_set() -> None:
-    assert [membership(x, 1.0, 1.0, 3.0) for x in (0.999, 1.0, 2.0, 3.0, 3.001)] == [0.0, 1.0, 0.5, 0.0, 0.0]
-    assert [membership(x, -1.0, 1.0, 1.0) for x in (-1.0, 0.0, 1.0, 1.001)] == [0.0, 0.5, 1.0, 0.0]
-
-
-@given(deltas, deltas, st.floats(0.51, 20.0))
+@given(DELTAS, DELTAS, st.floats(0.51, 20.0))
 def test_the_gain_stays_between_the_outer_centroids(d1: float, d2: float, width_scale: float) -> None:
     low, high = PAPER_GAIN_RANGE
     assert (low, high) == (1 / 6, 5 / 6)
     assert low - ROUNDING <= paper_system(width_scale).evaluate([d1, d2]) <= high + ROUNDING
-
-
-def test_width_scale_widens_the_input_sets() -> None:
-    # Twice as wide, N and P reach past the middle: at (0, 0) they are 1/2, ZERO is 1. So ZERO is unclipped,
-    # PM and PMAX are clipped at 1/2: the union falls from 1 to 1/2 on [0, 1/4] and stays 1/2 up to 1.
-    # Area 1/2 + 1/16 = 9/16, moment 1/4 + 1/16 * 1/12 = 49/192.
-    assert paper_system(2.0).evaluate([0.0, 0.0]) == pytest.approx(49 / 108, abs=ROUNDING)
-    # At 0.8 the sets have half width 4: delta1 = 4.5 is P alone, to 7/8, so PMAX is clipped at 7/8.
-    # From the right: area 7/8 * 1/16 + 7/8 * 7/32, moment about 1: 7/128 * 1/32 + 49/256 * (1/16 + 7/48).
-    narrow = 1 - (7 / 128 / 32 + 49 / 256 * (10 / 48)) / (7 / 128 + 49 / 256)
-    assert paper_system(0.8).evaluate([4.5, 5.0]) == pytest.approx(narrow, abs=ROUNDING)
 
 
 def test_a_batch_has_the_bits_of_its_rows() -> None:
@@ -70,3 +161,86 @@ def test_a_batch_has_the_bits_of_its_rows() -> None:
     strided = np.asfortranarray(x.reshape(20, 2))[::-1]
     np.testing.assert_array_equal(PAPER.evaluate(strided), batch.ravel()[::-1])
     assert PAPER.evaluate(np.empty((0, 2))).shape == (0,)
+
+
+# --- what sets, variables, systems and inputs must not be -----------------------------------------------------------
+
+TWO = variable((0, 0, 1), (0, 1, 1))
+BARE = r"sets of x: must cover \[0.0, 1.0\], .* zero at "
+
+
+def of_inputs(*corners: tuple[float, float, float]) -> Callable[[], object]:
+    """Return what makes a system with such sets of its input."""
+    return lambda: MamdaniSystem([variable(*corners)], variable((0, 0, 1)), np.zeros(len(corners), dtype=int))
+
+
+def of_output(*corners: tuple[float, float, float]) -> Callable[[], object]:
+    """Return what makes a system with such sets of its output."""
+    return lambda: MamdaniSystem([TWO], variable(*corners, name="y"), [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        # triangles
+        (lambda: TriangularSet(0.5, 0.25, 1.0), r"left=0.5, peak=0.25, .*: must have left <= peak <= right"),
+        (lambda: TriangularSet(0.0, 1.5, 1.0), "left <= peak <= right"),
+        (lambda: TriangularSet(1.0, 1.0, 1.0), "left < right"),
+        (lambda: TriangularSet(0.0, np.nan, 1.0), "peak = nan: must be a finite number"),
+        (lambda: TriangularSet(-np.inf, 0.0, 1.0), "left = -inf: must be a finite number"),
+        # variables
+        (lambda: variable(), r"sets of x = \(\): must hold at least one"),
+        (lambda: variable((0, 0, 1), universe=(1.0, 0.0)), r"universe of x = \(1.0, 0.0\): must be finite, low < high"),
+        (lambda: variable((0, 0, 1), universe=(0.0, np.inf)), r"universe of x = \(0.0, inf\)"),
+        # inputs that are not covered
+        (of_inputs((0, 0, 0.5), (0.5, 1, 1)), BARE + "0.5$"),  # both are zero
+        (of_inputs((0, 0, 0.25), (0.75, 1, 1)), BARE + "0.25$"),
+        (of_inputs((0, 0.5, 1.5)), BARE + "0$"),  # zero at the lower end
+        (of_inputs((0, 0, 0.75), (0, 0.5, 1)), BARE + "1$"),  # zero at the upper end
+        (of_inputs((0.125, 0.5, 1.5)), BARE + "0$"),
+        (of_inputs((-1, 0.25, 0.25), (0.75, 0.75, 2)), BARE + "0.5$"),  # full at both ends of the gap
+        # outputs
+        (of_output((0, 0.5, 1), (-0.1, 0.5, 1)), r"left of y's sets = \[0.0, -0.1\]: must not step back"),
+        (of_output((0, 0.5, 1), (0.2, 0.4, 1)), r"peak of y's sets = \[0.5, 0.4\]: must not step back"),
+        (of_output((-1, 0, 0), (0, 1, 1)), r"sets of y: TriangularSet\(left=-1, .* must have an area inside"),
+        # rules
+        (lambda: MamdaniSystem([], TWO, 0), r"inputs = \(\): must hold at least one"),
+        (lambda: MamdaniSystem([TWO], TWO, [[0, 1]]), r"rules: must have shape \(2,\).* got \(1, 2\)"),
+        (lambda: MamdaniSystem([TWO], TWO, [0, 1, 1]), r"must have shape \(2,\).* got \(3,\)"),
+        (lambda: MamdaniSystem([TWO], TWO, [0, 2]), "rules hold 2: must be indices of output sets, 0 to 1"),
+        (lambda: MamdaniSystem([TWO], TWO, [0, -1]), "rules hold -1: must be indices of output sets, 0 to 1"),
+        # what is inferred from
+        (lambda: PAPER.evaluate([0.0, 0.0, 0.0]), r"inputs: must have shape \(..., 2\), got \(3,\)"),
+        (lambda: PAPER.evaluate(0.0), r"inputs: must have shape \(..., 2\), got \(\)"),
+        (lambda: PAPER.evaluate([[0.0, np.nan]]), "inputs hold nan: must be finite"),
+        (lambda: PAPER.evaluate([np.inf, 0.0]), "inputs hold inf: must be finite"),
+    ],
+)
+def test_impossible_values(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("width_scale", [0.5, 0.0, -1.0, np.nan, np.inf])
+def test_impossible_width_scales(width_scale: float) -> None:
+    with pytest.raises(ValueError, match=r"width_scale = \S+: must be a finite number and > 0.5"):
+        paper_system(width_scale)
+
+
+def test_rules_are_integers() -> None:
+    with pytest.raises(TypeError, match="rules: must hold integers, got dtype float64"):
+        MamdaniSystem([TWO], TWO, [0.0, 1.0])
+
+
+def test_touching_at_a_vertical_edge_is_a_cover() -> None:
+    halves = variable((0, 0, 0.5), (0.5, 0.5, 1.5))
+    assert MamdaniSystem([halves], TWO, [0, 1]).evaluate([0.5]) == pytest.approx(2 / 3, abs=ROUNDING)
+
+
+def test_the_callers_table_is_copied() -> None:
+    table = np.array([0, 1])
+    system = MamdaniSystem([TWO], TWO, table)
+    before = system.evaluate([0.2])
+    table[:] = 1
+    assert system.evaluate([0.2]) == before
+    assert MamdaniSystem([TWO], TWO, table).evaluate([0.2]) != before

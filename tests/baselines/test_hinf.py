@@ -1,7 +1,5 @@
 """The H-infinity controller: its guarantee beside the gain of the closed loop, and LQG where gamma is large."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import gymnasium

@@ -1,7 +1,5 @@
 """Iterative learning: what repeats is learned, at a rate, and nothing is changed where nothing is wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """LQG along a plan: its tables beside the filter and the regulator that they stand for, and runs on a small arm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import gymnasium

@@ -1,7 +1,5 @@
 """LQG with an IMU: what its model says that the IMU reads, and the trust in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import gymnasium

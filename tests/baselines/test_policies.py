@@ -1,7 +1,5 @@
 """The baselines as policies: what `predict` takes and gives, and how they read an environment."""
 
-from __future__ import annotations
-
 import inspect
 from types import SimpleNamespace
 from typing import Any

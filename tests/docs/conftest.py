@@ -1,7 +1,5 @@
 """The built site, and a browser that looks at it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

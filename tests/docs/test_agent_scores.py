@@ -1,7 +1,5 @@
 """The tables of the pages about agents, recomputed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Chromium and its driver are found by their names: on Debian `apt-get install chromium chromium-driver`.
 """
 
-from __future__ import annotations
-
 import re
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer

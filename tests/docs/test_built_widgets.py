@@ -1,7 +1,5 @@
 """The site's widgets in a headless Chromium: the board sorts and filters, the viewer plays, both also in the dark."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

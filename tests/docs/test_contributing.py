@@ -1,7 +1,5 @@
 """CONTRIBUTING.md: its walk names lines of code; its recipes are diffs that apply here and pass their checks."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Examples in docstrings run as they stand, and every main module has one."""
 
-from __future__ import annotations
-
 import doctest
 from importlib import import_module
 

@@ -1,7 +1,5 @@
 """docs/environments, `FlexArmEnv`'s docstring and the folded specification: fresh and true."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

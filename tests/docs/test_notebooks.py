@@ -1,7 +1,5 @@
 """The notebooks run as they are committed, and are committed with their outputs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

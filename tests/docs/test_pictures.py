@@ -1,7 +1,5 @@
 """The pictures that introduce the benchmark: what they draw is what the board measured; README is short and true."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What README, docs, docstrings and comments name in backquotes is in this tree: files, modules, functions."""
 
-from __future__ import annotations
-
 import ast
 import builtins
 import importlib.util

@@ -1,7 +1,5 @@
 """The site's data: replays fit the code and the leaderboard; the board's script has every row and column."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

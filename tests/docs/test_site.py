@@ -1,7 +1,5 @@
 """The site: every page has its place; the page of the commands is what the parsers say."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

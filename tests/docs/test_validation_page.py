@@ -1,7 +1,5 @@
 """docs/validation.md and the texts that quote it: the record, and what is made of a report."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`python -m scripts.leaderboard`: cells are kept, executors give the same files, tables say what is in them."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """The design of LQG for a set of plants: its measure of decay by its parts, and the shipped design on other plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small boards: few periods of plain Python, and the files that a study leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
