@@ -1,19 +1,23 @@
-"""LQG along a plan: its tables beside the filter and the regulator that they stand for, and runs on a small arm."""
+"""LQG along a plan: its tables beside the filter and the regulator that they stand for; with an IMU; and learning."""
 
 from dataclasses import replace
 
 import gymnasium
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from flexarm_baselines.arrays import product
-from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG
+from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG, InertialLQG
+from flexarm_baselines.lqg.ilc import Lap, learned
+from flexarm_baselines.lqg.imu import TRUST, inertial_reading, readings_along
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
-from flexarm_baselines.optimal import PlanRegulator, RegulatorWeights
+from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights
 from flexarm_baselines.optimal.library import mirrored
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_env import FlexibleArm
+from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.rollout import run_policy
 from tests.support.late_arm import ARM, BLOCKS, DELAY, PLACES, SIZE, START, Plant, off_plan, plan, task
 
@@ -106,3 +110,103 @@ def test_it_is_as_good_as_the_true_state_at_the_start_of_both_laps(direction: st
             run = run_policy(env, kind.for_env(env), lap=lap, max_steps=60)
             errors.append(np.linalg.norm(run.tip - run.reference, axis=1))
         np.testing.assert_allclose(errors[0], errors[1], atol=0.01)
+
+
+# --- with an IMU -----------------------------------------------------------------------------------------------------
+
+
+ID = "flexarm_env:FlexArm/Square-v0"
+
+
+@pytest.fixture(scope="module")
+def inertial() -> InertialLQG:
+    env = gymnasium.make(ID, **InertialLQG.options())
+    return InertialLQG.for_env(env)
+
+
+def test_its_model_of_the_imu_is_the_sensor() -> None:
+    """Within the range, a reading is the specific force of the state under the torque that has been held."""
+    env = gymnasium.make(ID, **InertialLQG.options() | {"imu_noise": (0.0, 0.0), "imu_range": (1e5, 1e3)})
+    env.reset(seed=0)
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 2)).astype(np.float32):
+        *_, info = env.step(action)
+        torque = action.astype(np.float64) * [150.0, 50.0]
+        found = inertial_reading(env.unwrapped.settings.flexible_arm, info["state"], torque)
+        np.testing.assert_allclose(found, info["imu"], rtol=1e-6)
+
+
+def test_its_derivatives_predict_other_readings(inertial: InertialLQG) -> None:
+    arm, plan = inertial.plans[0].arm, inertial.plans[0]
+    random = np.random.default_rng(0)
+    change, push = 1e-4 * random.normal(size=plan.states.shape[1]), 0.1 * random.normal(size=2)
+    state, torque = plan.states[300], plan.torques[299]
+    value, by_state, by_torque = readings_along(arm, state, torque)
+    found = inertial_reading(arm, state + change, torque + push)
+    np.testing.assert_allclose(value + by_state @ change + by_torque @ push, found, atol=1e-3 * np.abs(found).max())
+
+
+def test_the_trust_in_the_accelerometer_is_its_spread_over_the_published_arms(inertial: InertialLQG) -> None:
+    box = {name: UNKNOWN_PLANT["randomisation"][name] for name in ("payload_mass", "stiffness", "damping")}
+    low, high = np.array(list(box.values())).T
+    states = np.stack([plan.states[:-1] for plan in inertial.plans])
+    squares = []
+    for payload, stiffness, damping in low + (high - low) * qmc.Sobol(3, seed=0).random(16):
+        rigid = tuple(stiffness * one for one in inertial.task.arm.flexural_rigidities)
+        arm = replace(inertial.task.arm, payload_mass=payload, flexural_rigidities=rigid, damping_ratio=damping)
+        read = inertial_reading(FlexibleArm(arm), states, inertial.before)
+        squares.append((read - inertial.expected) ** 2)
+    spread = np.sqrt(np.mean(squares, axis=(0, 1, 2)))
+    assert spread[:2] == pytest.approx(TRUST[:2], rel=0.15)  # another sample of the box gives other digits
+    assert spread[2] < 1e-9  # the tangent's rate depends on no mass
+
+
+def test_an_imu_that_is_not_trusted_changes_nothing(inertial: InertialLQG) -> None:
+    assert np.abs(inertial.gain).max() > 1e-3
+    deaf = InertialLQG(inertial.task, trust=(1e9, 1e9, 1e9))
+    assert np.abs(deaf.gain).max() < 1e-6
+    plain = LQG(replace(inertial.task), inertial.plans)
+    np.testing.assert_allclose(deaf.filter.gain, plain.filter.gain, atol=1e-6 * np.abs(plain.filter.gain).max())
+
+
+# --- iterative learning ----------------------------------------------------------------------------------------------
+
+
+def lap_of(now: Plan, disturbance: tuple[float, float], **quantities: float) -> Lap:
+    """Drive the arm by a plan's torques, with a disturbance that no sensor sees."""
+    states = ARM.rollout(START, now.torques + disturbance, **quantities).states
+    return Lap(states, now.torques, ARM.tip(states[:, :4]))
+
+
+@pytest.mark.parametrize(("disturbance", "payload"), [((3.0, -1.0), 0.0), ((0.0, 0.0), 0.2)])
+def test_what_repeats_is_learned(disturbance: tuple[float, float], payload: float) -> None:
+    """Each lap leaves a smaller error, whether the torques are disturbed or the arm is another."""
+    now, target, errors = plan(), ARM.tip(plan().states[:, :4]), []
+    for _ in range(6):
+        lap = lap_of(now, disturbance, payload_mass=payload)
+        errors.append(np.linalg.norm(lap.tip - target))
+        now = learned(now, lap, target)
+    assert all(after < before for before, after in zip(errors[:-1], errors[1:], strict=True))
+    assert errors[-1] < 0.2 * errors[0]
+
+
+def test_without_an_error_the_next_lap_is_the_last() -> None:
+    lap = lap_of(plan(), (3.0, -1.0))
+    after = learned(plan(), lap, lap.tip)
+    np.testing.assert_allclose(after.torques, lap.torques)
+    np.testing.assert_allclose(after.states, lap.states)
+
+
+def test_the_prediction_is_what_the_model_then_does() -> None:
+    """To first order: a tenth of the error leaves a hundredth of the difference."""
+    off = []
+    for share in (1.0, 0.1):
+        lap = lap_of(plan(), (0.0, 0.0))
+        after = learned(plan(), lap, lap.tip + share * np.linspace(0.0, 0.05, len(lap.tip))[:, None])
+        off.append(np.abs(lap_of(after, (0.0, 0.0)).states - after.states).max())
+    assert 0.0 < off[1] < 0.03 * off[0]
+
+
+def test_a_lap_of_another_length_is_refused() -> None:
+    lap = lap_of(plan(), (0.0, 0.0))
+    with pytest.raises(ValueError, match=r"tip: must have shape"):
+        learned(plan(), lap._replace(tip=lap.tip[1:]), lap.tip)

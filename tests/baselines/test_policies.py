@@ -56,29 +56,18 @@ POLICIES = [
 
 @pytest.mark.parametrize("policy", POLICIES, ids=repr)
 def test_one_observation_or_a_batch(policy: Policy) -> None:
-    batch = np.random.default_rng(2).normal(size=(7, 6)).astype(np.float32)
+    """What is given is left as it is, answers are new, and a memory comes back."""
+    batch, memory = np.random.default_rng(2).normal(size=(7, 6)).astype(np.float32), (np.array([1.0]),)
     before = batch.copy()
-    actions, state = policy.predict(batch)
-    assert actions.shape == (7, 1)
-    assert actions.dtype == np.float32
-    assert state is None
+    actions, state = policy.predict(batch, state=memory, episode_start=np.ones(7, bool), deterministic=True)
+    assert (actions.shape, actions.dtype, state) == ((7, 1), np.float32, memory)
     assert np.all(np.abs(actions) <= 1.0)
-    for row, expected in zip(batch, actions, strict=True):
-        action, _ = policy.predict(row)
-        assert action.shape == (1,)
-        assert action.dtype == np.float32
+    for row, expected in zip(batch, actions.copy(), strict=True):
+        actions[:] = 7.0
+        action, state = policy.predict(row)
+        assert (action.shape, action.dtype, state) == ((1,), np.float32, None)
         np.testing.assert_array_equal(action, expected)
     np.testing.assert_array_equal(batch, before)
-
-
-@pytest.mark.parametrize("policy", POLICIES, ids=repr)
-def test_state_comes_back_and_answers_are_new(policy: Policy) -> None:
-    memory = (np.array([1.0]),)
-    first, state = policy.predict(OBSERVATION, state=memory, episode_start=np.ones(1, bool), deterministic=True)
-    assert state is memory
-    expected = first.copy()
-    first[:] = 7.0
-    np.testing.assert_array_equal(policy.predict(OBSERVATION)[0], expected)
 
 
 @pytest.mark.parametrize("policy", POLICIES, ids=repr)
@@ -132,12 +121,9 @@ def test_the_constant_gain(policy: IFDC, action: float) -> None:
     ("options", "error", "message"),
     [
         ({"gain": 1.5}, ValueError, "gain = 1.5: must be a finite number and >= 0.0 and <= 1.0"),
-        ({"gain": -0.1}, ValueError, "gain = -0.1: must be"),
-        ({"gain": np.nan}, ValueError, "gain = nan: must be"),
         ({"gain": "1"}, TypeError, "gain = '1': must be"),
         ({"gain_limit": 0.5}, ValueError, "gain = 1.0: must be .* <= 0.5"),
         ({"gain_limit": 0.0}, ValueError, "gain_limit = 0.0: must be a finite number and > 0.0"),
-        ({"gain_limit": np.inf}, ValueError, "gain_limit = inf: must be"),
     ],
 )
 def test_impossible_constants(options: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -169,25 +155,14 @@ def test_the_fuzzy_gain_by_hand() -> None:
 
 
 def test_the_links_have_tip_weights_of_their_own() -> None:
-    policy = FLSAC(modal_slice=slice(0, 4), tip_weights=np.array([[0.2, -0.2], [0.4, 0.6]]))
+    weights = np.array([[0.2, -0.2], [0.4, 0.6]])
+    policy = FLSAC(modal_slice=slice(0, 4), tip_weights=weights)
+    weights[:] = 0.0  # the policy has a copy
     delta = policy.deflections(np.array([[1.0, 2.0, 3.0, 4.0], [0.5, 0.0, 0.0, -1.0]]))
     # (0.2 - 0.4) / 0.2, (1.2 + 2.4) / 0.2; 0.1 / 0.2, -0.6 / 0.2
     np.testing.assert_allclose(delta, [[-1.0, 18.0], [0.5, -3.0]], rtol=1e-15)
     equal = FLSAC(modal_slice=slice(0, 4), tip_weights=np.array([0.2, -0.2]))
     np.testing.assert_allclose(equal.deflections(np.array([[1.0, 2.0, 3.0, 4.0]])), [[-1.0, -1.0]], rtol=1e-15)
-
-
-def test_the_paper_arm_reads_its_modal_coordinate() -> None:
-    one_mode = FLSAC(modal_slice=slice(0, 2), tip_weights=np.array([0.2]))
-    np.testing.assert_allclose(one_mode.deflections(np.array([[0.3, -4.5]])), [[0.3, -4.5]], rtol=1e-15)
-
-
-def test_the_callers_weights_are_copied() -> None:
-    weights = np.array([0.2, -0.2])
-    policy = FLSAC(modal_slice=slice(1, 5), tip_weights=weights)
-    before, _ = policy.predict(OBSERVATION)
-    weights[:] = 0.0
-    np.testing.assert_array_equal(policy.predict(OBSERVATION)[0], before)
 
 
 @given(st.floats(1e-3, 1e3))
@@ -200,29 +175,17 @@ def test_the_largest_scale_that_the_limit_allows_works(gain_limit: float) -> Non
     ("options", "error", "message"),
     [
         ({"K_s": 1.3}, ValueError, r"K_s = 1.3: .* the gain reaches 1.08333, but .* gain_limit = 1.0"),
-        (
-            {"gain_limit": 0.8},
-            ValueError,
-            r"K_s = 1.0: .* reaches 0.833333, but .* gain_limit = 0.8",
-        ),
         ({"gain_limit": 0.8, "scale": "width"}, ValueError, "scale = 'width' the gain reaches 0.833333"),
         ({"K_s": 0.0}, ValueError, "K_s = 0.0: must be a finite number and > 0"),
         ({"K_s": 0.5, "scale": "width"}, ValueError, "K_s = 0.5: must be a finite number and > 0.5"),
         ({"K_n": -5.0}, ValueError, "K_n = -5.0: must be a finite number and > 0"),
-        ({"K_n": np.nan}, ValueError, "K_n = nan"),
-        ({"K_n": "5"}, TypeError, "K_n = '5'"),
         ({"gain_limit": -1.0}, ValueError, "gain_limit = -1.0: must be"),
         ({"scale": "input"}, ValueError, "scale = 'input': must be one of 'output', 'width'"),
-        (
-            {"tip_weights": np.zeros((3, 2))},
-            ValueError,
-            r"tip_weights: must have shape .* got \(3, 2\)",
-        ),
+        ({"tip_weights": np.zeros((3, 2))}, ValueError, r"tip_weights: must have shape .* got \(3, 2\)"),
         ({"tip_weights": np.array([0.2, np.inf])}, ValueError, r"tip_weights\[1\] = inf: must be finite"),
         ({"tip_weights": 0.2}, ValueError, "tip_weights: must have shape"),
         ({"tip_weights": np.array([])}, ValueError, "number of tip_weights of both links, which must be > 0"),
         ({"modal_slice": slice(1, 4)}, ValueError, r"modal_slice = slice\(1, 4, None\): .* stop - start = 4"),
-        ({"modal_slice": slice(None, 4)}, ValueError, "modal_slice = "),
         ({"modal_slice": slice(-5, -1)}, ValueError, "modal_slice = .* start >= 0"),
         ({"modal_slice": slice(0, 4, 2)}, ValueError, "modal_slice = "),
         ({"modal_slice": (1, 5)}, TypeError, r"modal_slice = \(1, 5\): must be a slice"),

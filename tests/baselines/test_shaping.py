@@ -1,14 +1,16 @@
-"""Shapers cancel the vibration that they are made for; shaped references are the convolutions that they claim to be."""
+"""Shapers and shaped references, and the joint angles of a moving point."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexarm_baselines.joint_space.reference import joint_motion, nearest_turn
 from flexarm_baselines.joint_space.shaping import SHAPERS, TOLERATED, ShapedReference, impulses, residual
-from flexarm_env import SquareParameters, square
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 
 PATH = square(SquareParameters())
 
@@ -33,32 +35,25 @@ def test_what_is_left_of_the_vibration(frequency: float, damping: float) -> None
     assert np.all(residual(impulses("ZVD", frequency), near) < 0.3 * residual(impulses("ZV", frequency), near))
 
 
-def test_a_shaped_step_leaves_an_oscillator_at_rest() -> None:
-    """By the oscillator's own response, not by the formula: superposed cosines after the last impulse."""
-    train = impulses("ZV", 7.0)
-    time = np.linspace(train.times[-1], 3.0, 200)
-    moved = sum(a * (1.0 - np.cos(7.0 * (time - t))) for t, a in zip(train.times, train.amplitudes, strict=True))
-    assert moved == pytest.approx(np.ones(200), abs=1e-12)
+def windowed(path: Any, time: np.ndarray) -> np.ndarray:
+    """Sum a path finely over a triangle of 0.6 s; the error is of second order in the sum's step."""
+    shift = np.linspace(0.0, 0.6, 6001)
+    weight = np.minimum(shift, 0.6 - shift)
+    return np.einsum("k,nki->ni", weight / weight.sum(), path.position(time[:, None] - shift))
 
 
 def test_a_windowed_reference_is_the_convolution() -> None:
-    """Beside a fine sum over the triangle, whose error is of second order in its step."""
     shaped = ShapedReference(PATH, impulses("none", 1.0), window=0.3)
     time = np.array([0.0, 0.1, 0.45, 3.9, 4.1, 4.5, 15.9])
-    shift = np.linspace(0.0, 0.6, 6001)
-    weight = np.minimum(shift, 0.6 - shift)
-    expected = np.einsum("k,nki->ni", weight / weight.sum(), PATH.position(time[:, None] - shift))
-    assert shaped.position(time) == pytest.approx(expected, abs=1e-6)
+    assert shaped.position(time) == pytest.approx(windowed(PATH, time), abs=1e-6)
 
 
 def test_a_window_that_is_applied_four_times() -> None:
     """As twice the window of the doubly windowed reference; centred, it is symmetric about a corner's instant."""
     once = ShapedReference(PATH, impulses("none", 1.0), window=0.3, times=4)
     twice = ShapedReference(PATH, impulses("none", 1.0), window=0.3)
-    time, shift = np.array([0.2, 4.3, 8.9, 15.5]), np.linspace(0.0, 0.6, 6001)
-    weight = np.minimum(shift, 0.6 - shift)
-    expected = np.einsum("k,nki->ni", weight / weight.sum(), twice.position(time[:, None] - shift))
-    assert once.position(time) == pytest.approx(expected, abs=1e-6)
+    time = np.array([0.2, 4.3, 8.9, 15.5])
+    assert once.position(time) == pytest.approx(windowed(twice, time), abs=1e-6)
     assert once.centre == pytest.approx(0.6)
     centred = replace(once, lead=once.centre)
     before, after = (centred.position(time) - PATH.position(4.0) for time in (3.8, 4.2))
@@ -99,3 +94,52 @@ def test_refusals() -> None:
         impulses("ZV", 0.0)
     with pytest.raises(ValueError, match=r"window = -1\.0"):
         ShapedReference(PATH, impulses("ZV", 1.0), window=-1.0)
+
+
+# --- the rigid arm's way along a moving point ------------------------------------------------------------------------
+
+
+ARM = ArmParameters.linear()
+
+
+def along(time: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return angles, rates and accelerations of the arm whose tip is on an ellipse well within reach."""
+    position = np.stack([3.0 + 2.0 * np.cos(time), 3.5 * np.sin(time)], axis=-1)
+    velocity = np.stack([-2.0 * np.sin(time), 3.5 * np.cos(time)], axis=-1)
+    acceleration = np.stack([-2.0 * np.cos(time), -3.5 * np.sin(time)], axis=-1)
+    return tuple(joint_motion(ARM, position, velocity, acceleration, np.full(len(time), side)))
+
+
+@given(st.floats(-3.0, 3.0), st.sampled_from([-1.0, 1.0]))
+def test_the_tip_is_at_the_point_with_its_elbow_on_the_side(moment: float, side: float) -> None:
+    angles, *_ = along(np.array([moment]), side)
+    q = np.zeros((1, 6))
+    q[:, :2] = angles
+    expected = [[3.0 + 2.0 * np.cos(moment), 3.5 * np.sin(moment)]]
+    assert FlexibleArm(ArmParameters.linear()).rigid_tip(q) == pytest.approx(np.array(expected), abs=1e-12)
+    assert np.sign(angles[0, 1]) == side
+
+
+@given(st.floats(-3.0, 3.0), st.sampled_from([-1.0, 1.0]))
+def test_rates_and_accelerations_are_derivatives(moment: float, side: float) -> None:
+    """But for the damping of the inverse, 1e-4 relative on a well bent arm."""
+    h = 1e-4
+    angles, rates, accelerations = along(moment + h * np.array([-1.0, 0.0, 1.0]), side)
+    angles = nearest_turn(angles, angles[1])
+    assert rates[1] == pytest.approx((angles[2] - angles[0]) / (2.0 * h), rel=3e-3, abs=3e-3)
+    assert accelerations[1] == pytest.approx((rates[2] - rates[0]) / (2.0 * h), rel=2e-2, abs=2e-2)
+
+
+def test_beyond_the_reach_the_arm_points_at_the_point() -> None:
+    far = np.array([[20.0, 20.0]])
+    motion = joint_motion(ARM, far, np.ones((1, 2)), np.zeros((1, 2)), np.ones(1))
+    assert motion.angles == pytest.approx(np.array([[np.pi / 4.0, 0.0]]))
+    assert np.isfinite(motion.rates).all()
+    assert np.isfinite(motion.accelerations).all()
+
+
+@given(st.floats(-100.0, 100.0), st.floats(-100.0, 100.0))
+def test_nearest_turn(angle: float, other: float) -> None:
+    found = nearest_turn(np.array(angle), np.array(other))
+    assert abs(found - other) <= np.pi + 1e-9
+    assert np.cos(found) == pytest.approx(np.cos(angle), abs=1e-9)
