@@ -1,11 +1,17 @@
 """Recording of policies: one environment and a batch tell the same story."""
 
+from collections.abc import Callable
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
 
+from flexarm_agents import load_policy
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env import run_batch, run_policy, state_limits
+from flexarm_env.physics.sensing import truth
+from flexarm_env.reference_episode import ReferenceEpisode
 
 STEPS = 300
 
@@ -123,3 +129,39 @@ def test_actions_beyond_the_range_are_clipped() -> None:
     (run,) = run_batch(batch(1), [lambda observations: np.full((len(observations), 1), 1.5)], max_steps=20)
     assert len(run) == 21
     np.testing.assert_array_equal(run.gain, 1.0)
+
+
+# --- the episode in plain Python -------------------------------------------------------------------------------------
+
+
+def compare(branch: str, act: Callable[[Any], Any]) -> tuple[bool, bool, int]:
+    """Follow both to the end of the episode; return terminated, truncated and the number of steps."""
+    env = gymnasium.make("FlexArm/Square-v0")
+    observation, _ = env.reset(options={"start": "corner", "elbow_branch": branch})
+    plain = ReferenceEpisode(branch)
+    found, ended, steps = plain.reset(), (False, False), 0
+    while not any(ended):
+        np.testing.assert_allclose(found, observation, rtol=2e-7, atol=1e-7)
+        action = act(observation)
+        observation, reward, *ended, info = env.step(action)
+        found, same_reward, *same_ended = plain.step(action)
+        steps += 1
+        assert same_ended == ended
+        assert same_reward == pytest.approx(reward, abs=1e-9)
+        state = truth(plain.k, plain.tip, plain.y, plain.v).state
+        np.testing.assert_allclose(state, info["state"], rtol=0.0, atol=1e-9 * np.abs(info["state"]).max())
+    return *ended, steps
+
+
+def test_a_random_episode_is_the_compiled_one_until_it_terminates() -> None:
+    rng = np.random.default_rng(0)
+    terminated, truncated, steps = compare("positive", lambda observation: rng.uniform(-1.2, 1.2, 2))
+    assert (terminated, truncated) == (True, False)
+    assert steps > 50
+
+
+@pytest.mark.slow
+def test_a_lap_is_the_compiled_one() -> None:
+    policy = load_policy("square").policy
+    ends = compare("positive", lambda observation: policy.predict(observation, deterministic=True)[0])
+    assert ends == (False, True, 1600)

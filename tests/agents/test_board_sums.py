@@ -1,6 +1,8 @@
 """The board: what episodes add up to."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +20,8 @@ from flexarm_agents.board.summary import (
     quantile,
     whole_summary,
 )
+from flexarm_agents.commands import evaluate, sweep
+from tests.support.boards import points
 
 
 def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> dict[str, Any]:
@@ -75,3 +79,37 @@ def test_the_interval_of_a_loss_rate_is_that_of_clopper_and_pearson(episodes: in
 def test_the_share_of_lost_laps_is_of_all() -> None:
     laps = [lap_summary([episode(0.1), episode(0.3), episode(None), episode(None)]), lap_summary([episode(None)])]
     assert loss(laps) == pytest.approx(0.6)
+
+
+# --- flexarm evaluate --sweep ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_evaluate_sweeps_an_axis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = {"noise": Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)}
+    monkeypatch.setattr(sweep, "COLUMNS", tiny)
+    output = tmp_path / "swept.json"
+    evaluate.run(["--policy", "square", "--sweep", "noise", "--output", str(output)])
+    told = capsys.readouterr().out
+    (results,) = [one["results"] for one in json.loads(output.read_text())["rows"]]
+    for point in results:
+        for one in point["episodes"]:
+            assert f"{one['figures']['rms']:.3f}" in told
+    assert "no lap lost: 0 to 1" in told
+
+
+def test_lost_laps_come_first_and_count() -> None:
+    column = Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)
+    complete = {"lap": "plain", "duration": 16.0, "figures": {"rms": 0.5, "rms_after_2s": 0.4, "maximum": 1.0}}
+    lost = {"lap": "plain", "duration": 3.0, "figures": None}
+    swing = [one | {"lap": "swing"} for one in (complete, complete)]
+    episodes = [{"episodes": [*swing, complete, one]} for one in (complete, lost)]
+    found = sweep._table("mine", column, [point_summary(one) for one in episodes]).splitlines()
+    (line,) = [one for one in found if one.startswith("1 ")]
+    assert line.split() == [
+        *("1", "0", "of", "2", "/", "1", "of", "2"),
+        *("0.500", "/", "0.500", "0.500", "/", "lost", "0.500", "/", "0.500", "0.400", "/", "0.400", "at", "3.00", "s"),
+    ]
+    assert found[-1] == "no lap lost: 0"

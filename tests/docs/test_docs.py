@@ -1,7 +1,9 @@
-"""The steps in README and docs run as they stand, and print and draw what the page shows; links lead somewhere."""
+"""What README, docs, docstrings and notebooks show runs as it stands and prints what they say; links lead somewhere."""
 
+import doctest
 import re
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,11 @@ import pytest
 
 from flexarm_env.envs import batch
 from scripts.docs import snippets
+from scripts.docs.contents import MODULES
+from scripts.docs.notebooks import FOLDER, executed
 from scripts.docs.snippets import LONG
 from scripts.docs.steps import LOOSE, PICTURE, TOLERANCE, TRAINS, TUTORIALS, agree, excerpt, printed, steps
+from tests.support.programs import PACKAGES
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -136,3 +141,89 @@ def test_pictures_and_links_exist() -> None:
     for page in [README, *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+?)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
+
+
+# --- examples in docstrings ------------------------------------------------------------------------------------------
+
+
+FLAGS = doctest.IGNORE_EXCEPTION_DETAIL
+MAIN = (
+    *("flexarm_env.envs.single", "flexarm_env.envs.vector", "flexarm_env.metrics", "flexarm_env.parameters"),
+    *(
+        "flexarm_env.reference_episode",
+        "flexarm_env.identification",
+        "flexarm_env.rollout",
+        "flexarm_env.way_points",
+        "flexarm_baselines.controller",
+        "flexarm_baselines.registry",
+        "flexarm_agents",
+    ),
+)
+
+
+@pytest.mark.parametrize("name", MAIN)
+def test_examples_run(name: str) -> None:
+    module = import_module(name)
+    examples = doctest.DocTestFinder(recurse=False).find(module, module.__name__)
+    assert sum(len(example.examples) for example in examples) > 0
+    runner = doctest.DocTestRunner(optionflags=FLAGS)
+    for example in examples:
+        runner.run(example)
+    assert runner.failures == 0
+
+
+def test_every_example_is_run() -> None:
+    having = {
+        path
+        for folder in PACKAGES.values()
+        for path in folder.rglob("*.py")
+        if "\n>>> " in (text := path.read_text(encoding="utf-8")) or "\n    >>> " in text
+    }
+    assert {import_module(name).__file__ for name in MAIN} == {str(path) for path in having}
+    assert set(MAIN) <= set(MODULES)
+
+
+# --- notebooks -------------------------------------------------------------------------------------------------------
+
+
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+MOST_BYTES_OF_A_NOTEBOOK = 200_000
+
+
+def notebook(path: Path) -> Any:
+    nbformat = pytest.importorskip("nbformat", reason="the extra `test` brings it, with nbclient")
+    read = nbformat.read(path, as_version=4)
+    nbformat.validate(read)
+    return read
+
+
+def test_there_are_two() -> None:
+    assert [path.stem for path in NOTEBOOKS] == ["control_engineers", "reinforcement_learning"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_small_and_has_its_outputs(path: Path) -> None:
+    assert path.stat().st_size < MOST_BYTES_OF_A_NOTEBOOK
+    cells = [cell for cell in notebook(path).cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1)), "run all cells in their order"
+    assert all(cell.outputs for cell in cells[1:])
+    shown = [str(output) for cell in cells for output in cell.outputs]
+    assert not re.search(r"Traceback|/home/|/work/|Warning", "".join(shown))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_links_of_a_notebook_lead_somewhere(path: Path) -> None:
+    text = "".join(cell.source for cell in notebook(path).cells if cell.cell_type == "markdown")
+    links = re.findall(r"\]\(([^)#:]+)", text)
+    assert links
+    assert [link for link in links if not (path.parent / link).exists()] == []
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:IPykernel is not:UserWarning")
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path, tmp_path: Path) -> None:
+    for name in ("nbclient", "ipykernel"):
+        pytest.importorskip(name, reason="the extra `test` brings it")
+    cells = [cell for cell in executed(path, tmp_path).cells if cell.cell_type == "code"]
+    assert all(cell.outputs for cell in cells[1:])  # the first one imports

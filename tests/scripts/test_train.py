@@ -1,4 +1,4 @@
-"""`python -m scripts.train --seeds --sweep`: every setting with every seed, reused where finished."""
+"""Trainings with every setting and seed, reused where finished; the median is shipped with its files and tables."""
 
 import json
 import os
@@ -12,11 +12,17 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents import PPOConfig, train
+from flexarm_agents import PPOConfig, StandardScore, config_of, load_policy, train
+from flexarm_agents.files import write_json
+from flexarm_agents.policies.load import POLICIES
 from scripts import train as sweep
+from scripts.common.trainings import Training, trained
+from scripts.shipped import board
+from scripts.shipped.curves import keep_curves
+from scripts.shipped.trainings import export, median
 from tests.support.programs import ROOT
 from tests.support.refusals import refuses
-from tests.support.trainings import TINY, same_policy
+from tests.support.trainings import TINY, row, same_policy
 
 
 class InProcess:
@@ -105,3 +111,84 @@ def test_a_signal_keeps_what_all_trainings_have(tmp_path: Path) -> None:
     assert again.returncode == 0, again.stderr
     train(PPOConfig(**config), tmp_path / "undisturbed")
     assert same_policy(folders[0] / "last_policy.npz", tmp_path / "undisturbed" / "last_policy.npz")
+
+
+# --- scripts.shipped -------------------------------------------------------------------------------------------------
+
+
+def training(seed: int, rms: float | None) -> Training:
+    return Training(config_of(**{**TINY, "seed": seed}), Path("nowhere"), row(1, rms, rms))
+
+
+def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
+    five = [training(seed, rms) for seed, rms in enumerate((0.3, None, 0.1, 0.2, None))]
+    assert median(five).config.seed == 0
+    assert median(five[2:3]).config.seed == 2
+    with refuses(ValueError, "trainings: must be an odd number", "got 4"):
+        median(five[:4])
+
+
+def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
+    config = config_of(**TINY)
+    first = trained(config, tmp_path / "run")
+    again = trained(config, tmp_path / "run")  # taken over
+    assert again == first
+    figures = {"unknown": {"swing": {"lost": 3}}}
+    export([first], [figures], tmp_path, "mine", "a command")
+    card = json.loads((tmp_path / "mine.json").read_text())
+    assert card["choice"] == "the median of 1 trainings that differ in their seeds, by the mean r.m.s. of both laps"
+    assert (card["command"], card["config"], card["evaluation"]) == ("a command", config.plain(), first.best)
+    assert sum(card["observes"].values()) == load_policy(tmp_path / "mine.npz").policy.observation_size
+    of_one = card["spread"]["plain"]["rms"]
+    assert of_one["median"] == of_one["interquartile_mean"] == of_one["worst"] == first.best["plain"]["rms"]
+    assert card["trainings"] == [{"seed": 0, **first.best, "board": figures}]
+    export([first], [], tmp_path, "elsewhere", "a command")  # its arm is not the board's
+    assert json.loads((tmp_path / "elsewhere.json").read_text())["trainings"] == [{"seed": 0, **first.best}]
+    notes = load_policy(tmp_path / "mine.npz").notes
+    assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)
+    assert card["versions"] == notes["versions"] == json.loads((tmp_path / "run" / "versions.json").read_text())
+
+
+def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the environments have changed since, its best policy scores otherwise."""
+    config = config_of(**TINY)
+    trained(config, tmp_path / "run")
+    elsewhere = training(0, 0.1)
+    monkeypatch.setattr("scripts.common.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
+    with refuses(ValueError, "run: its best policy scored swing lap: lost", "remove the folder"):
+        trained(config, tmp_path / "run")
+
+
+def test_curves_are_kept(tmp_path: Path) -> None:
+    """Of all agents, those that were not trained now included; a lost lap has no error."""
+    laps = [row(100 * n, rms, rms) for n, rms in enumerate((None, 0.2, 0.1), 1)]
+    found = [Training(config_of(seed=seed), tmp_path / "mine" / f"seed-{seed}", laps[-1]) for seed in range(2)]
+    for one in found:
+        one.folder.mkdir(parents=True)
+        write_json(one.folder / "evaluations.json", laps)
+    keep_curves({"first": found}, tmp_path)
+    keep_curves({"second": found[:1]}, tmp_path)
+    data = json.loads((tmp_path / "curves.json").read_text())
+    assert list(data) == ["first", "second"]
+    assert data["first"][1] == {
+        "seed": 1,
+        "steps": [100, 200, 300],
+        "seconds": [1.0, 1.0, 1.0],
+        "swing": [None, 0.2, 0.1],
+        "plain": [None, 0.2, 0.1],
+    }
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_agents_stand_beside_controllers() -> None:
+    """With all seeds that were measured."""
+    card = json.loads((POLICIES / "student.json").read_text())
+    rows, _ = board.published()
+    card["trainings"] = [{"board": rows[f"agent {name}"]} for name in ("student", "student_unknown", "student_unknown")]
+    lines = dict(board.compared({"student": card}))
+    assert lines["`lqg`"] == [rows["lqg"]]
+    figures = lines["agent `student`"]
+    assert figures == [one["board"] for one in card["trainings"]]
+    line = board.unknown({"student": card}).splitlines()[-1]
+    lost = [sum(lap["lost"] for lap in one["unknown"].values()) for one in figures]
+    assert line.startswith(f"| agent `student` | 3 | {lost[1]} / {sum(lost) / 3:.0f} / {lost[0]} |")
