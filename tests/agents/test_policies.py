@@ -278,11 +278,6 @@ def test_a_tampered_history_is_refused(tmp_path: Path, history: Any, words: str)
         NetworkPolicy.load(tmp_path / "policy.npz")
 
 
-def test_a_foreign_state_is_refused() -> None:
-    with refuses(ValueError, "state: must be what predict returned for as many observations", "(1, 3, 2)"):
-        policy().predict(np.zeros(3, np.float32), (np.zeros((2, 3, 2), np.float32),))
-
-
 def test_a_policy_of_a_task_that_is_not_here_says_so(tmp_path: Path) -> None:
     notes = {"config": {"environment": "no_such_module:Mine/Task-v0", "options": {}}}
     network_policy(new_model(config_of(**TINIES["sac"])), notes).save(tmp_path / "policy.npz")

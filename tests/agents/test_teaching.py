@@ -180,11 +180,12 @@ BOX = {"randomisation": {"payload_mass": [0.0, 1.0], "delay": [0.0, 0.1], "actua
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> DAggerTraining:
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Begin a teaching on drawn paths: two arms, three paths."""
     folder = tmp_path_factory.mktemp("runs")
     training = DAggerTraining(config_of(**DRAWN | {"options": BOX}), RunFolder(folder / "drawn"))
     training.start()
+    assert isinstance(training.teacher, PathTeacher)
     return training
 
 
@@ -198,11 +199,9 @@ def test_a_drawn_path_stays_in_the_ring_and_below_the_speed(seed: int) -> None:
     assert 0.0 < speed <= 1.25 * FASTEST + 1e-6  # 1.25: minimum jerk in 1.5 times the time
 
 
-def test_a_teacher_of_drawn_paths_keeps_each_arm_to_its_own(drawn: DAggerTraining) -> None:
+def test_a_teacher_of_drawn_paths_keeps_each_arm_to_its_own(drawn: Any) -> None:
     """The plan's reference is the environment's, and the true tip errs by what the plan does, whatever the delays."""
     teacher, env = drawn.teacher, drawn.env
-    assert isinstance(teacher, PathTeacher)
-    assert env is not None
     _, infos = teacher.begin(env, np.random.default_rng(1))
     pupils, plans, errors = teacher.pupils(env, np.ones(2, dtype=bool)), [], []
     folder = drawn.run.path / "plans"
@@ -218,10 +217,8 @@ def test_a_teacher_of_drawn_paths_keeps_each_arm_to_its_own(drawn: DAggerTrainin
         np.testing.assert_allclose(np.array(errors)[:, n], planned, atol=0.03)  # [m]; torques act up to 10 ms late
 
 
-def test_an_arm_without_a_plan_teaches_nothing(drawn: DAggerTraining) -> None:
+def test_an_arm_without_a_plan_teaches_nothing(drawn: Any) -> None:
     teacher = drawn.teacher
-    assert isinstance(teacher, PathTeacher)
-    assert drawn.env is not None
     _, infos = teacher.begin(drawn.env, np.random.default_rng(1))
     first = teacher.pupils(drawn.env, np.ones(2, dtype=bool))
     after = teacher.pupils(drawn.env, np.array([True, False]), first)
@@ -231,8 +228,7 @@ def test_an_arm_without_a_plan_teaches_nothing(drawn: DAggerTraining) -> None:
     assert np.isfinite(feedback[1]).all()
 
 
-def test_the_teacher_takes_over_arms_that_a_student_would_lose(drawn: DAggerTraining) -> None:
-    assert drawn.env is not None
+def test_the_teacher_takes_over_arms_that_a_student_would_lose(drawn: Any) -> None:
     policy, config = drawn.student.policy(), replace(drawn.config, teacher_share=0.0)
     idle = replace(policy, weights=[0.0 * weight for weight in policy.weights])  # no torque
     assert run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost == 0
@@ -241,8 +237,7 @@ def test_the_teacher_takes_over_arms_that_a_student_would_lose(drawn: DAggerTrai
         assert run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost > 0
 
 
-def test_plans_of_drawn_paths_are_kept_and_others_refused(drawn: DAggerTraining) -> None:
-    assert drawn.env is not None
+def test_plans_of_drawn_paths_are_kept_and_others_refused(drawn: Any) -> None:
     folder = drawn.run.path / "plans"
     before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
     again = PathTeacher.along(drawn.config, drawn.env, folder)

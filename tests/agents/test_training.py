@@ -219,18 +219,18 @@ def test_a_policy_of_another_kind(tmp_path: Path) -> None:
 def test_a_curriculum_ends() -> None:
     """Episodes begin anew, without the curriculum's options; the observation space stays."""
     config = config_of(**TINIES["curriculum"])
-    model = new_model(config)
-    before = model.get_env()
-    assert before is not None
-    batch = before.unwrapped
-    assert isinstance(batch, FlexArmVecEnv)
-    assert (batch.env.settings.lap_time, batch.env.settings.deflection_limit) == (32.0, None)
+    model, settings, spaces = new_model(config), [], []
+
+    def look() -> None:
+        envs: Any = model.get_env()
+        own = envs.unwrapped.env.settings
+        settings.append((own.lap_time, own.deflection_limit))
+        spaces.extend((envs.observation_space, envs.unwrapped.env.single_observation_space))
+
+    look()
     model.learn(128)
     end_curriculum(config, model)
-    after = model.get_env()
-    assert after is not None
-    judged = after.unwrapped
-    assert isinstance(judged, FlexArmVecEnv)
-    assert (judged.env.settings.lap_time, judged.env.settings.deflection_limit) == (16.0, 1.5)
-    assert after.observation_space == before.observation_space == judged.env.single_observation_space
+    look()
+    assert settings == [(32.0, None), (16.0, 1.5)]
+    assert spaces[0] == spaces[2] == spaces[3]
     model.learn(256, reset_num_timesteps=False)

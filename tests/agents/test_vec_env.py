@@ -121,8 +121,6 @@ def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
     assert env.env_is_wrapped(Monitor, indices=[0, 2]) == [False] * 2
     env.set_attr("note", "kept")
     assert env.get_attr("note", 0) == ["kept"]
-    with pytest.raises(ValueError, match=r"indices = 1: must be None; the environments share the attribute 'note'"):
-        env.set_attr("note", "lost", 1)
     with pytest.raises(AttributeError, match=r"method_name = 'compute_reward': must be one of 'render', 'reset'"):
         env.env_method("compute_reward")
 
@@ -144,8 +142,9 @@ def test_options_of_later_episodes_are_set_through_a_wrapper(env: FlexArmVecEnv)
     for _ in range(3):
         env.reset()
         assert [episode.start_time for episode in env.get_attr("episode")] == [0.0] * COUNT
-    with pytest.raises(ValueError, match=r"indices = 1: must be None"):
-        env.env_method("set_options", {}, indices=1)
+    for method, value in ((env.env_method, "set_options"), (env.set_attr, "note")):
+        with pytest.raises(ValueError, match=r"indices = 1: must be None"):
+            method(value, {}, indices=1)
 
 
 @pytest.mark.parametrize(("threads", "chosen", "warns"), [(2, None, 1), (2, "2", 0), (1, None, 0)])
@@ -171,9 +170,7 @@ def test_reset_as_a_method_of_some(env: FlexArmVecEnv) -> None:
     expected, info = single.reset(seed=9, options={"start": "corner"})
     for observation, own in (first, second):
         np.testing.assert_array_equal(observation, expected)
-        assert_same(
-            own, {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in info.items()}
-        )
+        assert_same(own, info)
     after, *_ = env.step(np.zeros((COUNT, 2), dtype=np.float32))
     assert after.shape == before.shape
 
@@ -184,11 +181,9 @@ def test_pictures() -> None:
     env.reset()
     images = env.get_images()
     assert len(images) == 2
-    assert images[0] is not None
-    assert images[0].dtype == np.uint8
-    tiled = env.render()
-    assert tiled is not None
-    assert tiled.shape == (2 * images[0].shape[0], images[0].shape[1], 3)
+    one, tiled = np.array(images[0]), np.array(env.render())
+    assert one.dtype == np.uint8
+    assert tiled.shape == (2 * one.shape[0], one.shape[1], 3)
     np.testing.assert_array_equal(env.env_method("render", indices=1)[0], images[1])
     env.close()
     assert list(FlexArmVecEnv.make(ID, 2).get_images()) == [None, None]

@@ -66,21 +66,25 @@ def test_every_recipe_is_tried() -> None:
             assert fence.language == "python" or all(re.match(r"(pip|python|flexarm) ", line) for line in lines), page
 
 
+def run(command: list[str], folder: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MINARI_DATASETS_PATH": str(folder / "datasets")}
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", LIBRARIES)
 def test_recipes_of_libraries_run(page: str, tmp_path: Path) -> None:
     missing = [name for name in LIBRARIES[page] if not is_installed(name)]
     if missing:
         pytest.skip(f"needs {', '.join(missing)}, see docs/recipes/{page}.md")
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MINARI_DATASETS_PATH": str(tmp_path / "datasets")}
-    (tmp_path / "agents").symlink_to(ROOT / "agents")  # the pages' commands are those of a clone
-    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    for name in ("agents", "docs"):
+        (tmp_path / name).symlink_to(ROOT / name)  # the pages' commands are those of a clone
     for fence in fences(page):
         for command in commands(fence):
-            done = subprocess.run(
-                command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900, check=False
-            )
-            assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+            run(command, tmp_path)
 
 
 @pytest.mark.slow
@@ -91,15 +95,5 @@ def test_the_zoo_reads_the_settings(algorithm: str, tmp_path: Path) -> None:
     file = ROOT / "agents" / "hyperparams" / f"{'recurrent_ppo' if algorithm == 'ppo_lstm' else algorithm}.yml"
     command = [sys.executable, "-m", "rl_zoo3.train", "--algo", algorithm, "--env", "FlexArm/Square-v0"]
     command += ["--gym-packages", "flexarm_env", "--conf-file", str(file), "--device", "cpu", "--eval-freq", "-1"]
-    command += ["-n", "64", "--hyperparams", "n_envs:2"]
-    done = subprocess.run(
-        command,
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
+    run(command + ["-n", "64", "--hyperparams", "n_envs:2"], tmp_path)
     assert list(tmp_path.glob(f"logs/{algorithm}/*/FlexArm-Square-v0.zip"))

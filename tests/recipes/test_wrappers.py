@@ -18,7 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered in cast:Run
 
 
 def cases(rows: tuple[Row, ...]) -> list[Any]:
-    return [pytest.param(row, id=row.name, marks=[pytest.mark.slow] if row.slow else []) for row in rows]
+    return [pytest.param(row, id=row.name, marks=[pytest.mark.slow] * ("render_mode" in row.options)) for row in rows]
 
 
 def stepped(env: Any) -> list[Any]:

@@ -18,28 +18,20 @@ ACTIONS, OBSERVATIONS = attrgetter("action_space"), attrgetter("observation_spac
 
 class Row(NamedTuple):
     name: str
-    arguments: tuple[Any, ...]  # of the wrapper; getters get them from what it wraps
-    named: dict[str, Any]
+    wrap: Callable[[ModuleType, Any], Any]  # puts the wrapper of a module around an environment, or a batch
     options: dict[str, Any]  # of the environment
-    inner: Callable[[Any], Any] | None  # makes of the environment what it wraps
-
-    @property
-    def slow(self) -> bool:
-        return "render_mode" in self.options
-
-    def wrap(self, module: ModuleType, env: Any) -> Any:
-        """Put the wrapper of a module around an environment, or a batch."""
-        env = self.inner(env) if self.inner else env
-        named = {name: got(value, env) for name, value in self.named.items()}
-        return getattr(module, self.name)(env, *(got(value, env) for value in self.arguments), **named)
-
-
-def got(value: Any, env: Any) -> Any:
-    return value(env) if isinstance(value, attrgetter) else value
 
 
 def row(name: str, *arguments: Any, options: Any = None, inner: Any = None, **named: Any) -> Row:
-    return Row(name, arguments, named, options or {}, inner)
+    """Return a wrapper's row; getters get arguments from what it wraps, which `inner` makes of the environment."""
+
+    def wrap(module: ModuleType, env: Any) -> Any:
+        env = inner(env) if inner else env
+        got = [value(env) if isinstance(value, attrgetter) else value for value in (*arguments, *named.values())]
+        own, by_name = got[: len(arguments)], dict(zip(named, got[len(arguments) :], strict=True))
+        return getattr(module, name)(env, *own, **by_name)
+
+    return Row(name, wrap, options or {})
 
 
 def half(x: Any) -> Any:
@@ -51,74 +43,55 @@ def less(reward: Any) -> Any:
 
 
 # Those that environments and batches have by the same names.
-ALIKE = {
-    "RescaleAction": row("RescaleAction", -TWO, TWO),
-    "DtypeObservation": row("DtypeObservation", np.float64),
-    "RescaleObservation": row("RescaleObservation", np.float32(0.0), np.float32(1.0)),
-    "NormalizeReward": row("NormalizeReward"),
-    "TransformReward": row("TransformReward", less),
-    "ClipReward": row("ClipReward", 0.0, 0.3),
-    "NumpyToTorch": row("NumpyToTorch"),
-}
+ALIKE = (
+    row("ClipAction"),
+    row("RescaleAction", -TWO, TWO),
+    row("DtypeObservation", np.float64),
+    row("ReshapeObservation", (21, 2)),
+    row("RescaleObservation", np.float32(0.0), np.float32(1.0)),
+    row("NormalizeObservation"),
+    row("NormalizeReward"),
+    row("TransformReward", less),
+    row("ClipReward", 0.0, 0.3),
+    row("NumpyToTorch"),
+    row("RecordEpisodeStatistics", options=SHORT),
+    row("RecordVideo", options=PICTURES | SHORT, video_length=LIMIT, **FILM),
+)
 BARE = attrgetter("unwrapped")
 SINGLE = (
+    *ALIKE,
     row("TimeLimit", LIMIT),
-    row("RecordEpisodeStatistics", options=SHORT),
     row("OrderEnforcing", inner=BARE),
     row("PassiveEnvChecker", inner=BARE),
     row("Autoreset", options=SHORT),
-    row("ClipAction"),
-    ALIKE["RescaleAction"],
     row("TransformAction", np.negative, ACTIONS),
+    row("TransformObservation", half, OBSERVATIONS),
     row("StickyAction", 0.999),
     row("MaxAndSkipObservation", 4),
     row("RepeatAction", 4),
     row("DiscretizeAction", 5),
-    row("TransformObservation", half, OBSERVATIONS),
-    ALIKE["DtypeObservation"],
-    row("ReshapeObservation", (21, 2)),
-    ALIKE["RescaleObservation"],
     row("DiscretizeObservation", 9, multidiscrete=True),
-    row("NormalizeObservation"),
     row("FrameStackObservation", 3),
     row("FlattenObservation", inner=lambda env: FrameStackObservation(env, 3)),
     row("DelayObservation", 2),
     row("TimeAwareObservation"),
-    *(ALIKE[name] for name in ("NormalizeReward", "TransformReward", "ClipReward", "NumpyToTorch")),
     row("AddRenderObservation", options=PICTURES),
     row("RenderCollection", options=PICTURES),
-    row("RecordVideo", options=PICTURES | SHORT, **FILM),
 )
 ITS_ACTIONS, ITS_OBSERVATIONS = attrgetter("single_action_space"), attrgetter("single_observation_space")
 BATCH = (
-    row("RecordEpisodeStatistics", options=SHORT),
-    row("ClipAction"),
-    ALIKE["RescaleAction"],
+    *ALIKE,
     row("TransformAction", np.negative),
-    row("VectorizeTransformAction", TransformAction, func=np.negative, action_space=ITS_ACTIONS),
     row("TransformObservation", half),
+    row("VectorizeTransformAction", TransformAction, func=np.negative, action_space=ITS_ACTIONS),
     row("VectorizeTransformObservation", TransformObservation, func=half, observation_space=ITS_OBSERVATIONS),
     row("FlattenObservation"),
-    row("ReshapeObservation", (21, 2)),
-    ALIKE["DtypeObservation"],
-    ALIKE["RescaleObservation"],
-    row("NormalizeObservation"),
-    ALIKE["NormalizeReward"],
-    ALIKE["TransformReward"],
     row("VectorizeTransformReward", TransformReward, func=less),
-    ALIKE["ClipReward"],
-    ALIKE["NumpyToTorch"],
     row("DictInfoToList"),
-    row("RecordVideo", options=PICTURES | SHORT, video_length=LIMIT, **FILM),
 )
 VECTORS: dict[str, dict[str, Any]] = {
-    "`make_vec(id, n)` (the batch)": {},
-    '`vectorization_mode="sync"`': {"vectorization_mode": "sync"},
-    **{
-        f'`vectorization_mode="async"`, processes {context}ed': {
-            "vectorization_mode": "async",
-            "vector_kwargs": {"context": context},
-        }
-        for context in ("fork", "spawn")
-    },
+    "batch": {},
+    "sync": {"vectorization_mode": "sync"},
+    "async, fork": {"vectorization_mode": "async", "vector_kwargs": {"context": "fork"}},
+    "async, spawn": {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}},
 }
