@@ -1,6 +1,5 @@
 """CONTRIBUTING.md: its walk names lines of code; its recipes are diffs that apply here and pass their checks."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -10,7 +9,8 @@ from typing import NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.programs import ROOT, run_bare
+
 SCREEN, WALK = 60, 40  # lines
 
 
@@ -65,12 +65,6 @@ def test_a_recipe_works(recipe: Recipe, tmp_path: Path) -> None:
     apply(recipe.diff, tmp_path)
     compiled_nothing = "\nfrom flexarm_env.codegen import compiler\nassert not compiler.load.cache_info().currsize\n"
     ours = f"\nimport flexarm_env\nassert flexarm_env.__file__.startswith({str(tmp_path)!r})\n"
-    done = subprocess.run(
-        [sys.executable, "-c", recipe.check + compiled_nothing + ours],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    code = recipe.check + compiled_nothing + ours
+    done = run_bare(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stderr

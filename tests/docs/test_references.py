@@ -14,21 +14,14 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.programs import ROOT
+
 FOLDERS = ("flexarm_env", "baselines", "agents", "scripts", "tests")
 IMPORTED = {"flexarm_baselines": "baselines", "flexarm_agents": "agents"}  # names of installed folders
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-OTHERS = {
-    "env",
-    "envs",
-    "run",
-    "gym",
-    "np",
-    "gymnasium",
-    "vector_kwargs",
-    "implicitfast",
-}  # what users, Gymnasium and MuJoCo call things
+# What users, Gymnasium and MuJoCo call things.
+OTHERS = {*["env", "envs", "run", "gym", "np", "gymnasium", "vector_kwargs", "implicitfast"]}
 WRITTEN = {"json", "csv", "zip", "npz", "md"}  # files that our scripts write
 OUR_PATHS = rf"\b(?:{'|'.join(FOLDERS)}|docs)/[\w/]+\.(?:py|md)\b"  # also outside backquotes
 MADE = {"flexarm_env/unplaced/__init__.py"}  # by a test

@@ -1,17 +1,15 @@
 """The recipes run as they stand on their pages; one of a library that is not installed is skipped, naming it."""
 
 import importlib.util
-import os
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
-from tests.support.programs import ROOT
+from tests.support.programs import ROOT, run_bare
 
 FOLDER = ROOT / "docs" / "recipes"
 FENCE = re.compile(r"^```(python|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -67,10 +65,7 @@ def test_every_recipe_is_tried() -> None:
 
 
 def run(command: list[str], folder: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MINARI_DATASETS_PATH": str(folder / "datasets")}
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=900, check=False
-    )
+    done = run_bare(*command, cwd=folder, PYTHONPATH=str(ROOT), MINARI_DATASETS_PATH=str(folder / "datasets"))
     assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
 
 
@@ -95,5 +90,5 @@ def test_the_zoo_reads_the_settings(algorithm: str, tmp_path: Path) -> None:
     file = ROOT / "agents" / "hyperparams" / f"{'recurrent_ppo' if algorithm == 'ppo_lstm' else algorithm}.yml"
     command = [sys.executable, "-m", "rl_zoo3.train", "--algo", algorithm, "--env", "FlexArm/Square-v0"]
     command += ["--gym-packages", "flexarm_env", "--conf-file", str(file), "--device", "cpu", "--eval-freq", "-1"]
-    run(command + ["-n", "64", "--hyperparams", "n_envs:2"], tmp_path)
+    run([*command, "-n", "64", "--hyperparams", "n_envs:2"], tmp_path)
     assert list(tmp_path.glob(f"logs/{algorithm}/*/FlexArm-Square-v0.zip"))

@@ -19,7 +19,7 @@ import pytest
 from flexarm_agents.jobs import worker_pool as worker_pool_module
 from flexarm_agents.jobs.worker_pool import worker_pool
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
-from tests.support.programs import ROOT
+from tests.support.programs import ROOT, run_bare
 from tests.support.signals import heeded
 
 pytestmark = [pytest.mark.skipif(os.name != "posix", reason="POSIX signals"), pytest.mark.usefixtures("signals")]
@@ -303,15 +303,7 @@ def test_a_signal_while_importing_ends_with_one_line(
     program: tuple[str, ...], number: signal.Signals, tmp_path: Path
 ) -> None:
     (tmp_path / "numpy.py").write_text(SLOW_LIBRARY.format(name=number.name))
-    ended = subprocess.run(
-        [sys.executable, *program],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
-        capture_output=True,
-        text=True,
-        timeout=50,
-        check=False,
-    )
+    ended = run_bare(sys.executable, *program, cwd=tmp_path, PYTHONPATH=f"{tmp_path}{os.pathsep}{ROOT}")
     assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (128 + number, "", f"stopped by {number.name}")
 
 

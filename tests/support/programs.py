@@ -35,7 +35,7 @@ def run_bare(*command: str | Path, cwd: Path, **environment: str) -> subprocess.
     """Run a command without what the caller's PYTHONPATH would add."""
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | environment
     arguments = [str(part) for part in command]
-    return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=900, check=False)
 
 
 def run_here(module: str, *arguments: object) -> tuple[Any, str]:
