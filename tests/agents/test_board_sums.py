@@ -11,15 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from flexarm_agents.board.columns import Column, Point
-from flexarm_agents.board.summary import (
-    kept,
-    lap_summary,
-    loss,
-    loss_interval,
-    point_summary,
-    quantile,
-    whole_summary,
-)
+from flexarm_agents.board.summary import kept, lap_summary, loss, loss_interval, point_summary, quantile, whole_summary
 from flexarm_agents.commands import evaluate, sweep
 from tests.support.boards import points
 

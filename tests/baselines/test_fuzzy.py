@@ -9,13 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from flexarm_baselines import (
-    PAPER_GAIN_RANGE,
-    FuzzyVariable,
-    MamdaniSystem,
-    TriangularSet,
-    paper_system,
-)
+from flexarm_baselines import PAPER_GAIN_RANGE, FuzzyVariable, MamdaniSystem, TriangularSet, paper_system
 
 Triangle = tuple[Fraction, Fraction, Fraction]
 PAPER = paper_system()
