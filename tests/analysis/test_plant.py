@@ -1,11 +1,9 @@
 """Operating points, sensors, linear plants, natural modes."""
 
-import builtins
 import re
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import control
 import matplotlib.pyplot as plt
@@ -98,9 +96,7 @@ def test_delay_is_exact_in_frequency_and_pade_models_tend_to_it() -> None:
     errors = [np.abs(frequency_response(late.pade(n), omega).values - turned).max() for n in (1, 2, 4, 8)]
     assert np.all(np.diff(errors) < 0.0)
     assert errors[-1] < 1e-9 * np.abs(turned).max()
-    assert np.all(poles(late.pade(12)).values.real < 1e-4), (
-        "a Pade model is stable; the arm's own poles are at most at 0"
-    )
+    assert np.all(poles(late.pade(12)).values.real < 1e-4)  # as the arm's own
     assert exact.magnitude.shape == exact.phase.shape == (4, 2, 2)
     assert exact.singular_values.shape == (4, 2)
 
@@ -148,16 +144,6 @@ def test_a_matlab_file_has_the_plant(tmp_path: Path) -> None:
     assert read["delays"].tolist() == [[0.02], [0.02]]
     for name in ("states", "inputs", "outputs", "units"):
         assert [cell.item() for cell in read[name].ravel()] == list(getattr(plant, name))
-
-
-def test_pade_delays_each_output_by_its_own() -> None:
-    point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
-    plant = linear_plant(point, joint_angles(), tip(delay=0.01))
-    assert plant.delays.tolist() == [0.0, 0.0, 0.01, 0.01]
-    assert plant.units == ("rad", "rad", "m", "m")
-    modelled = plant.pade(5)
-    np.testing.assert_allclose(modelled.at(3j), plant.at(3j), rtol=1e-9)
-    assert len(modelled.A) == len(plant.A) + 10
 
 
 def test_poles_and_natural_modes_agree() -> None:
@@ -222,7 +208,9 @@ def test_select_and_to_control() -> None:
     system = part.to_control()
     np.testing.assert_allclose(system(2j), part.at(2j), rtol=1e-9)
     assert system.input_labels == ["elbow"]
-    late = linear_plant(plant.point, tip(delay=0.02))
+    late = linear_plant(plant.point, joint_angles(), tip(delay=0.02))
+    assert late.delays.tolist() == [0.0, 0.0, 0.02, 0.02]
+    assert late.units == ("rad", "rad", "m", "m")
     np.testing.assert_allclose(late.to_control(8)(2j), late.at(2j), rtol=1e-9)
     modes = ARM.parameters.modes_per_link
     coordinates = ["theta1", "theta2", *(f"q{link}_{i}" for link in (1, 2) for i in range(1, modes + 1))]
@@ -236,15 +224,7 @@ def test_select_and_to_control() -> None:
 
 
 def test_without_python_control_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def missing(name: str, *args: Any, **kwargs: Any) -> Any:
-        if name == "control":
-            raise ImportError("No module named 'control'")
-        return real(name, *args, **kwargs)
-
-    monkeypatch.delitem(sys.modules, "control", raising=False)
-    monkeypatch.setattr(builtins, "__import__", missing)
+    monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(ImportError, match=re.escape(install_command("analysis"))):
         linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), tip()).to_control()
 
@@ -253,10 +233,7 @@ def test_names_that_two_sensors_share_are_told_apart() -> None:
     point = OperatingPoint.at_angles(ARM, (0, 1))
     plant = linear_plant(point, tip(), rigid_point(), tip(delay=0.01), strain(1), strain(1, 2.0), joint_angles())
     assert len(set(plant.outputs)) == len(plant.outputs) == 10
-    assert plant.outputs[:2] == (
-        "x of true point of link 2 at its tip, 0 s late",
-        "y of true point of link 2 at its tip, 0 s late",
-    )
+    assert plant.outputs[0] == "x of true point of link 2 at its tip, 0 s late"
     assert plant.outputs[2:4] == ("x of rigid point of link 2 at its tip", "y of rigid point of link 2 at its tip")
     assert plant.outputs[-2:] == ("theta1", "theta2")
     for i, name in enumerate(plant.outputs):
@@ -264,10 +241,6 @@ def test_names_that_two_sensors_share_are_told_apart() -> None:
         np.testing.assert_array_equal(part.C, plant.C[[i]])
         assert part.sensors == (plant.sensors[i],)
     assert linear_plant(point, tip(), strain(2)).outputs == ("x", "y", "curvature of link 2")
-    assert (
-        linear_plant(point, tip(), rigid_point()).to_control().output_labels[0]
-        == "x of true point of link 2 at its tip"
-    )
 
 
 @pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])

@@ -52,15 +52,12 @@ def test_train_and_resume(flexarm: Shell) -> None:
     assert result.stdout.endswith("\nnext: flexarm render runs/Square-v0-ppo-3 --output lap.png\n")
     run = flexarm.folder / "runs" / "Square-v0-ppo-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
-    result = flexarm(*again, status=1)
-    assert result.stderr.startswith("error: folder = runs/Square-v0-ppo-3: exists and is not empty; resume")
-    result = flexarm(*again, "--resume")
-    result = flexarm(*again, "--resume", "--gamma", "0.9", status=1)
-    assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-ppo-3 has 0.985")
-    result = flexarm("evaluate", "runs/Square-v0-ppo-3", *ALONE)
-    lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-ppo-3")]
+    assert flexarm(*again, status=1).stderr.startswith("error: folder = runs/Square-v0-ppo-3: exists and is not empty")
+    flexarm(*again, "--resume")
+    told = flexarm("evaluate", "runs/Square-v0-ppo-3", *ALONE).stdout
+    lines = [line for line in told.splitlines() if line.startswith("runs/Square-v0-ppo-3")]
     assert [line.split()[1] for line in lines] == ["swing", "plain"]
-    assert result.stdout.endswith('--own scores them: runs/Square-v0-ppo-3 on Square-v0 with {"noise": 0.001}\n')
+    assert told.endswith('--own scores them: runs/Square-v0-ppo-3 on Square-v0 with {"noise": 0.001}\n')
     assert [path.name for path in flexarm.folder.iterdir()] == ["runs"]  # nothing is written unasked
     for line in lines:
         assert "ENDED at " in line
