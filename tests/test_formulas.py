@@ -49,13 +49,6 @@ def test_numpy_steps_as_the_method_does(arm: FlexibleArm, state: np.ndarray) -> 
     np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
 
 
-@pytest.mark.slow
-def test_numpy_steps_as_the_kernel_does(arm: FlexibleArm, state: np.ndarray) -> None:
-    found = formulas.step(arm, state, TORQUE, STEP, np.sin, np.cos)
-    exact = arm.simulate(state, TORQUE[None], STEP, step=STEP).state[-1]
-    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
-
-
 def test_torch(arm: FlexibleArm, state: np.ndarray) -> None:
     x, tau, engine = torch.tensor(state), torch.tensor(TORQUE), (torch.sin, torch.cos)
     rate = torch.stack(formulas.state_rate(arm, x, tau, *engine))

@@ -66,21 +66,21 @@ def test_an_unstable_arm_ends_and_the_others_go_on() -> None:
     assert alone.notes == unstable.notes
 
 
-def test_bad_input() -> None:
-    with pytest.raises(TypeError, match="FlexArmEnv"):
-        run_policy(gymnasium.make("CartPole-v1"), IFDC())
-    with pytest.raises(TypeError, match="must be a FlexArmVectorEnv"):
-        run_batch(make(), [IFDC()])  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="policies: must be 2"):
-        run_batch(batch(2), [IFDC()])
-    with pytest.raises(ValueError, match="max_steps = 0"):
-        run_batch(batch(2), [IFDC()] * 2, max_steps=0)
-    with pytest.raises(ValueError, match=r"policy\.gain_limit = 1\.0: must be the environment's, 20\.0"):
-        run_policy(make(gain_limit=20.0), IFDC())
-    with pytest.raises(ValueError, match=r"lap = 'first': must be one of 'swing', 'plain'"):
-        run_policy(make(), IFDC(), lap="first")
-    with pytest.raises(ValueError, match=r"lap = 'swing' beside options = \{'time': 1.0\}: give one of them"):
-        run_policy(make(), IFDC(), lap="swing", options={"time": 1.0})
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: run_policy(gymnasium.make("CartPole-v1"), IFDC()), TypeError, "FlexArmEnv"),
+        (lambda: run_batch(make(), [IFDC()]), TypeError, "must be a FlexArmVectorEnv"),
+        (lambda: run_batch(batch(2), [IFDC()]), ValueError, "policies: must be 2"),
+        (lambda: run_batch(batch(2), [IFDC()] * 2, max_steps=0), ValueError, "max_steps = 0"),
+        (lambda: run_policy(make(gain_limit=20.0), IFDC()), ValueError, r"policy\.gain_limit = 1\.0: .* 20\.0"),
+        (lambda: run_policy(make(), IFDC(), lap="first"), ValueError, "lap = 'first': .* 'swing', 'plain'"),
+        (lambda: run_policy(make(), IFDC(), lap="swing", options={"time": 1.0}), ValueError, "lap = 'swing' beside"),
+    ],
+)
+def test_bad_input(call: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        call()
 
 
 def test_torque_is_the_one_that_acts_just_after_the_instant() -> None:

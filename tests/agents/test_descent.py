@@ -10,7 +10,7 @@ from stable_baselines3.common.logger import Logger
 
 from flexarm_agents import FOPGConfig, config_of
 from flexarm_agents.descent.adjoint import output_gradients, seen_in
-from flexarm_agents.descent.observations import Observations, instants
+from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.training import FOPGTraining
 from flexarm_agents.descent.window import Driver, Window, costs, error_cost, largest_cost
 from flexarm_agents.environments import make_batch
@@ -98,25 +98,6 @@ def test_the_gradient_is_that_of_the_environment(options: dict[str, Any]) -> Non
         difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)
         assert difference / (2.0 * step) == pytest.approx((gradient * way).sum(), rel=3e-3), name
     chain.env.close()
-
-
-@pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.02, 0.0437])
-def test_readings_are_those_of_the_environment(delay: float | None) -> None:
-    env = make_batch(ID, 2, {"start": "corner", "delay": delay, "max_episode_steps": 100})
-    window = Driver(env, 0).window(lambda seen: np.full((2, 2), [[0.4, -0.2], [-0.3, 0.5]]), 12)
-    settings, arm = env.settings, env.arm
-    step = settings.control_period / settings.substeps
-    torques = window.actions * np.array(settings.motor_limit)
-    found = np.zeros((6, 2, 2))
-    for one in instants(settings):
-        first = slice(6 - one.periods, 12 - one.periods)
-        states = window.states[first]
-        if one.substeps:
-            states = arm.step(states, torques[first], one.substeps * step, step=step)
-        sensed = arm.output_jacobians(states)[0].sensed
-        found += one.position * sensed[..., :2] + one.rate * sensed[..., 2:]
-    np.testing.assert_allclose(found, window.readings[6:12], atol=1e-9)
-    env.close()
 
 
 @pytest.mark.parametrize("frame", ["link", "world"])

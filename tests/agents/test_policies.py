@@ -239,21 +239,6 @@ def test_the_network_sees_what_was_observed_at_each_lag(lags: set[int], starts: 
         np.testing.assert_allclose(found, np.clip(expected, -1.0, 1.0), atol=1e-6)
 
 
-def test_a_batch_remembers_as_its_members_do() -> None:
-    one, random = policy(), np.random.default_rng(2)
-    together, alone = None, [None, None, None]
-    for k in range(8):
-        seen = random.normal(size=(3, 3)).astype(np.float32)
-        start = np.array([k == 0, k in (0, 4), k == 0])
-        given_state = together
-        actions, together = one.predict(seen, together, start, deterministic=True)
-        again, _ = one.predict(seen, given_state, start, deterministic=True)  # the state given was not changed
-        np.testing.assert_array_equal(actions, again)
-        for n in range(3):
-            action, alone[n] = one.predict(seen[n], alone[n], start[n : n + 1], deterministic=True)  # type: ignore[call-overload]
-            np.testing.assert_allclose(action, actions[n], atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("history", "words"),
     [

@@ -8,10 +8,10 @@ from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, nodes
 from flexarm_baselines.lqg.adaptive import Beliefs, least_in_doubt
 from flexarm_baselines.lqg.nodes import BEND, Node, grid
 from flexarm_baselines.lqg.tables import FilterTables
-from flexarm_baselines.observers import KalmanFilter, Readings
+from flexarm_baselines.observers import KalmanFilter
 from flexarm_baselines.optimal import GOOD
 from flexarm_env.envs.registration import UNKNOWN_PLANT
-from tests.support.late_arm import ARM, LIMITS, SIZE, START, Plant, plan, task
+from tests.support.late_arm import ARM, SIZE, START, Plant, plan, task
 
 PERIODS = 160
 TASK, PLAN = task(PERIODS), plan(PERIODS)
@@ -68,20 +68,6 @@ def test_lateness_and_what_it_changes() -> None:
         np.testing.assert_allclose(later(share)[0, :SIZE] - PLAN.states[21], change, atol=0.05 * np.abs(change).max())
     slope = tables.by_lateness(at, np.zeros_like(estimate), before, torque, np.full((1, 1), 0.3))
     np.testing.assert_allclose(slope, (later(0.31) - later(0.29)) / 0.02, atol=1e-9)
-
-
-def test_a_delay_is_estimated_with_the_state() -> None:
-    kalman = KalmanFilter(ARM, delay=0.0234, quantities={"delay": 0.02})
-    plant = Plant(np.tile(START, (3, 1)), delay=0.0312)
-    plant.past, plant.torques = plant.past * 2, plant.torques * 2
-    estimate = kalman.start(plant.states)
-    for k in range(60):
-        torque = np.tile(PLAN.torques[k], (3, 1))
-        plant.step(torque / LIMITS)
-        seen = plant.observe()
-        readings = Readings(seen[:, :4], seen[:, 4:6])
-        estimate, _ = kalman.correct(kalman.predict(estimate, torque), readings)
-    assert kalman.values(estimate)["delay"] == pytest.approx(np.full(3, 0.0312), abs=1e-3)
 
 
 def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:

@@ -107,27 +107,6 @@ def test_limits_are_kept() -> None:
     np.testing.assert_array_equal(shifted.states[:, :-1], better.states[:, 1:])
 
 
-def test_arms_of_a_batch_do_not_depend_on_each_other() -> None:
-    """At instants of their own, with quantities of their own, one of them with a prediction that is out of bounds."""
-    states, torques = solved().run
-    own, period = iteration(plan(), 10), np.array([0, 7, PERIODS - 3])
-    prediction = own.predicted(np.zeros(3, dtype=np.int64), period)
-    prediction.states[1] += 1e9
-    quantities = {"payload_mass": np.array([0.0, 0.2, 0.4]), "stiffness": np.array([1.0, 0.9, 1.2])}
-    off = np.array([0.01, -0.02, 0.005])[:, None] * np.ones(SIZE)
-    now = Instant(np.zeros(3, dtype=np.int64), period, states[period] + off, torques[period - 1], quantities)
-    better = own.improve(prediction, now)
-    later = own.shifted(better, now)
-    for n in range(3):
-        only = slice(n, n + 1)
-        alone = Instant(*(part[only] for part in now[:-1]), {name: value[only] for name, value in quantities.items()})
-        single = own.improve(Rollout(*(part[only] for part in prediction)), alone)
-        for part, whole in zip(single, better, strict=True):
-            np.testing.assert_array_equal(part[0], whole[n])
-        for part, whole in zip(own.shifted(single, alone), later, strict=True):
-            np.testing.assert_allclose(part[0], whole[n], rtol=1e-9, atol=1e-9)
-
-
 def test_a_preview_alone_gives_runs_on_both_sides() -> None:
     plans = previewed(ARM, task().reference, LIMITS, 0.01)
     assert [np.sign(found.states[0, 1]) for found in plans] == [1.0, -1.0]
