@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from flexarm_env import run_policy
 from flexarm_env.actions import action_from_gain, gain_from_action
 from flexarm_env.predictor import predictor
-from tests.support.refusals import label, refuses
+from tests.support.refusals import label, refused, refuses
 
 OBSERVATION, START = np.arange(3.0), np.ones(1, dtype=bool)
 ACTION = np.array([0.1, -0.2])
@@ -86,18 +86,14 @@ def test_the_signature_is_inspected_once(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize(
-    ("policy", "message"),
-    [
-        (SimpleNamespace, r"policy = <class '.*SimpleNamespace'>: is a class; make a policy of it first"),
-        (7, r"policy = 7: must have predict\(observation\) or predict\(observation, state"),
-        (policy_of(lambda observation, goal: ACTION), r"the parameters of its predict are \(observation.*, goal.*\)"),
-        (lambda: ACTION, r"or be a function of an observation, its parameters are \(\)"),
-    ],
+test_other_forms_are_refused = refused(
+    (SimpleNamespace, r"policy = <class '.*SimpleNamespace'>: is a class; make a policy of it first"),
+    (7, r"policy = 7: must have predict\(observation\) or predict\(observation, state"),
+    (policy_of(lambda observation, goal: ACTION), r"the parameters of its predict are \(observation.*, goal.*\)"),
+    (lambda: ACTION, r"or be a function of an observation, its parameters are \(\)"),
+    by=lambda policy: predictor(policy, deterministic=True),
+    kind=TypeError,
 )
-def test_other_forms_are_refused(policy: Any, message: str) -> None:
-    with pytest.raises(TypeError, match=message):
-        predictor(policy, deterministic=True)
 
 
 def test_run_policy_takes_every_form() -> None:

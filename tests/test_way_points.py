@@ -1,14 +1,12 @@
 """Way-points with times: what an environment's target does, and what is refused."""
 
-from typing import Any
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_env import ReferencePath, way_points
 from tests.support.envs import bare
+from tests.support.refusals import refused
 
 SQUARE = [(-4.0, -4.0), (-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)]
 
@@ -67,39 +65,28 @@ def test_a_function_of_time_is_sampled() -> None:
     assert np.any(way_points.sampled(lambda t: (5.0, t), 1.0)[-1] != (1.0, 5.0, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: way_points.at_speeds(SQUARE[:1], 1.0), "points: must be at least 2 points, got 1"),
-        (lambda: way_points.at_speeds([(1.0, 1.0), (1.0, 1.0)], 1.0), r"points\[0\]: must differ"),
-        (lambda: way_points.at_speeds(SQUARE, 0.0), r"speeds\[0\] = 0.0: must be"),
-        (lambda: way_points.at_speeds(SQUARE, [1.0, 2e6, 1.0, 1.0]), r"speeds\[1\] = 2000000.0: must be .* <= 1000000"),
-        (lambda: way_points.at_speeds(SQUARE, [1.0, 1.0]), r"speeds.*\(4,\)"),
-        (lambda: way_points.sampled(lambda t: (t,), 1.0), r"function\(0\)"),
-        (lambda: way_points.sampled(lambda t: (t, t), 0.0), "duration = 0.0: must be"),
-        (lambda: way_points.sampled(lambda t: (t, t), 1.0, 0.0), "period = 0.0: must be"),
-        (lambda: way_points.blended(way_points.at_speeds(SQUARE, 4.0), 2.1), "blend = 2.1: must be"),
-    ],
+test_bad_input_is_refused = refused(
+    (lambda: way_points.at_speeds(SQUARE[:1], 1.0), "points: must be at least 2 points, got 1"),
+    (lambda: way_points.at_speeds([(1.0, 1.0), (1.0, 1.0)], 1.0), r"points\[0\]: must differ"),
+    (lambda: way_points.at_speeds(SQUARE, 0.0), r"speeds\[0\] = 0.0: must be"),
+    (lambda: way_points.at_speeds(SQUARE, [1.0, 2e6, 1.0, 1.0]), r"speeds\[1\] = 2000000.0: must be .* <= 1000000"),
+    (lambda: way_points.at_speeds(SQUARE, [1.0, 1.0]), r"speeds.*\(4,\)"),
+    (lambda: way_points.sampled(lambda t: (t,), 1.0), r"function\(0\)"),
+    (lambda: way_points.sampled(lambda t: (t, t), 0.0), "duration = 0.0: must be"),
+    (lambda: way_points.sampled(lambda t: (t, t), 1.0, 0.0), "period = 0.0: must be"),
+    (lambda: way_points.blended(way_points.at_speeds(SQUARE, 4.0), 2.1), "blend = 2.1: must be"),
 )
-def test_bad_input_is_refused(call: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"waypoints": [(0.0, 1.0, 1.0), (2.0, 2.0, 1.0), (1.0, 1.0, 1.0)]},
-            r"waypoints\[:, 0\] = .*: times must increase from 0",
-        ),
-        ({"waypoints": [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0)]}, "times must increase from 0"),
-        ({"waypoints": [(0.0, 1.0, 1.0), (1e-9, 2.0, 1.0)]}, r"waypoints\[-1\]\[0\] = 1e-09: must be"),
-        ({"waypoints": [(0.0, 1.0, 1.0), (1.0, 2.0, 1.0)], "lap_time": 8.0}, "lap_time = 8.0: has no effect here"),
-        ({"waypoints": [(0.0, 1.0, 1.0, 1.0)]}, "waypoints"),
-        ({"waypoints": [(0.0, 1.0), (0.0, 1.0, 2.0)]}, "waypoints"),
-    ],
+test_environments_refuse_bad_way_points = refused(
+    (
+        {"waypoints": [(0.0, 1.0, 1.0), (2.0, 2.0, 1.0), (1.0, 1.0, 1.0)]},
+        r"waypoints\[:, 0\] = .*: times must increase from 0",
+    ),
+    ({"waypoints": [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0)]}, "times must increase from 0"),
+    ({"waypoints": [(0.0, 1.0, 1.0), (1e-9, 2.0, 1.0)]}, r"waypoints\[-1\]\[0\] = 1e-09: must be"),
+    ({"waypoints": [(0.0, 1.0, 1.0), (1.0, 2.0, 1.0)], "lap_time": 8.0}, "lap_time = 8.0: has no effect here"),
+    ({"waypoints": [(0.0, 1.0, 1.0, 1.0)]}, "waypoints"),
+    ({"waypoints": [(0.0, 1.0), (0.0, 1.0, 2.0)]}, "waypoints"),
+    by=lambda options: bare("FlexArm/Track-v0", reference="waypoints", **options),
 )
-def test_environments_refuse_bad_way_points(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        bare("FlexArm/Track-v0", reference="waypoints", **options)

@@ -10,6 +10,7 @@ from flexarm_baselines.controller import Memory, Seen, TorqueController
 from flexarm_baselines.task import Task
 from flexarm_env import ArmParameters, SquareParameters, square
 from flexarm_env.rollout import run_policy
+from tests.support.refusals import refused
 
 ID = "flexarm_env:FlexArm/Square-v0"
 
@@ -83,29 +84,19 @@ def test_it_reads_an_environment_and_runs() -> None:
     assert other.task.path.position(4.0) == pytest.approx([6.3, -6.3])
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"action_mode": "torque_rate"}, "action_mode = 'torque_rate'"),
-        ({"frame": "link"}, "frame = 'link'"),
-        ({"direction": "either"}, "direction = 'either'"),
-        ({"reference": ("square", "circle")}, "one reference"),
-        ({"observation": ("joint_angles",)}, r"reads the block 'lap_phase'.*Integrator\.options\(\)"),
-    ],
+test_environments_that_do_not_fit = refused(
+    ({"action_mode": "torque_rate"}, "action_mode = 'torque_rate'"),
+    ({"frame": "link"}, "frame = 'link'"),
+    ({"direction": "either"}, "direction = 'either'"),
+    ({"reference": ("square", "circle")}, "one reference"),
+    ({"observation": ("joint_angles",)}, r"reads the block 'lap_phase'.*Integrator\.options\(\)"),
+    by=lambda changes: Integrator.for_env(gymnasium.make(ID, **Integrator.options() | changes)),
 )
-def test_environments_that_do_not_fit(changes: dict[str, Any], message: str) -> None:
-    env = gymnasium.make(ID, **Integrator.options() | changes)
-    with pytest.raises(ValueError, match=message):
-        Integrator.for_env(env)
 
 
-def test_refusals() -> None:
-    controller = Integrator(TASK)
-    with pytest.raises(TypeError, match="dict"):
-        controller.predict({"joint_angles": np.zeros(2)})
-    with pytest.raises(ValueError, match=r"shape \(4,\) or \(n, 4\), got \(3,\)"):
-        controller.predict(np.zeros(3, dtype=np.float32))
-    with pytest.raises(ValueError, match="must have the block 'gauges'"):
-        Seen(TASK, observed([0.0]))["gauges"]
-    with pytest.raises(TypeError, match="FlexArm"):
-        Integrator.for_env(gymnasium.make("CartPole-v1"))
+test_what_it_cannot_read = refused(
+    (lambda: Integrator(TASK).predict({"joint_angles": np.zeros(2)}), "TypeError: dict"),
+    (lambda: Integrator(TASK).predict(np.zeros(3, dtype=np.float32)), r"shape \(4,\) or \(n, 4\), got \(3,\)"),
+    (lambda: Seen(TASK, observed([0.0]))["gauges"], "must have the block 'gauges'"),
+    (lambda: Integrator.for_env(gymnasium.make("CartPole-v1")), "TypeError: FlexArm"),
+)

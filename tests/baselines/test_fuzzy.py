@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from flexarm_baselines import PAPER_GAIN_RANGE, FuzzyVariable, MamdaniSystem, TriangularSet, paper_system
+from tests.support.refusals import refused
 
 Triangle = tuple[Fraction, Fraction, Fraction]
 PAPER = paper_system()
@@ -173,46 +174,40 @@ def of_output(*corners: tuple[float, float, float]) -> Callable[[], object]:
     return lambda: MamdaniSystem([TWO], variable(*corners, name="y"), [0, 1])
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        # triangles
-        (lambda: TriangularSet(0.5, 0.25, 1.0), r"left=0.5, peak=0.25, .*: must have left <= peak <= right"),
-        (lambda: TriangularSet(0.0, 1.5, 1.0), "left <= peak <= right"),
-        (lambda: TriangularSet(1.0, 1.0, 1.0), "left < right"),
-        (lambda: TriangularSet(0.0, np.nan, 1.0), "peak = nan: must be a finite number"),
-        (lambda: TriangularSet(-np.inf, 0.0, 1.0), "left = -inf: must be a finite number"),
-        # variables
-        (lambda: variable(), r"sets of x = \(\): must hold at least one"),
-        (lambda: variable((0, 0, 1), universe=(1.0, 0.0)), r"universe of x = \(1.0, 0.0\): must be finite, low < high"),
-        (lambda: variable((0, 0, 1), universe=(0.0, np.inf)), r"universe of x = \(0.0, inf\)"),
-        # inputs that are not covered
-        (of_inputs((0, 0, 0.5), (0.5, 1, 1)), BARE + "0.5$"),  # both are zero
-        (of_inputs((0, 0, 0.25), (0.75, 1, 1)), BARE + "0.25$"),
-        (of_inputs((0, 0.5, 1.5)), BARE + "0$"),  # zero at the lower end
-        (of_inputs((0, 0, 0.75), (0, 0.5, 1)), BARE + "1$"),  # zero at the upper end
-        (of_inputs((0.125, 0.5, 1.5)), BARE + "0$"),
-        (of_inputs((-1, 0.25, 0.25), (0.75, 0.75, 2)), BARE + "0.5$"),  # full at both ends of the gap
-        # outputs
-        (of_output((0, 0.5, 1), (-0.1, 0.5, 1)), r"left of y's sets = \[0.0, -0.1\]: must not step back"),
-        (of_output((0, 0.5, 1), (0.2, 0.4, 1)), r"peak of y's sets = \[0.5, 0.4\]: must not step back"),
-        (of_output((-1, 0, 0), (0, 1, 1)), r"sets of y: TriangularSet\(left=-1, .* must have an area inside"),
-        # rules
-        (lambda: MamdaniSystem([], TWO, 0), r"inputs = \(\): must hold at least one"),
-        (lambda: MamdaniSystem([TWO], TWO, [[0, 1]]), r"rules: must have shape \(2,\).* got \(1, 2\)"),
-        (lambda: MamdaniSystem([TWO], TWO, [0, 1, 1]), r"must have shape \(2,\).* got \(3,\)"),
-        (lambda: MamdaniSystem([TWO], TWO, [0, 2]), "rules hold 2: must be indices of output sets, 0 to 1"),
-        (lambda: MamdaniSystem([TWO], TWO, [0, -1]), "rules hold -1: must be indices of output sets, 0 to 1"),
-        # what is inferred from
-        (lambda: PAPER.evaluate([0.0, 0.0, 0.0]), r"inputs: must have shape \(..., 2\), got \(3,\)"),
-        (lambda: PAPER.evaluate(0.0), r"inputs: must have shape \(..., 2\), got \(\)"),
-        (lambda: PAPER.evaluate([[0.0, np.nan]]), "inputs hold nan: must be finite"),
-        (lambda: PAPER.evaluate([np.inf, 0.0]), "inputs hold inf: must be finite"),
-    ],
+test_impossible_values = refused(
+    # triangles
+    (lambda: TriangularSet(0.5, 0.25, 1.0), r"left=0.5, peak=0.25, .*: must have left <= peak <= right"),
+    (lambda: TriangularSet(0.0, 1.5, 1.0), "left <= peak <= right"),
+    (lambda: TriangularSet(1.0, 1.0, 1.0), "left < right"),
+    (lambda: TriangularSet(0.0, np.nan, 1.0), "peak = nan: must be a finite number"),
+    (lambda: TriangularSet(-np.inf, 0.0, 1.0), "left = -inf: must be a finite number"),
+    # variables
+    (lambda: variable(), r"sets of x = \(\): must hold at least one"),
+    (lambda: variable((0, 0, 1), universe=(1.0, 0.0)), r"universe of x = \(1.0, 0.0\): must be finite, low < high"),
+    (lambda: variable((0, 0, 1), universe=(0.0, np.inf)), r"universe of x = \(0.0, inf\)"),
+    # inputs that are not covered
+    (of_inputs((0, 0, 0.5), (0.5, 1, 1)), BARE + "0.5$"),  # both are zero
+    (of_inputs((0, 0, 0.25), (0.75, 1, 1)), BARE + "0.25$"),
+    (of_inputs((0, 0.5, 1.5)), BARE + "0$"),  # zero at the lower end
+    (of_inputs((0, 0, 0.75), (0, 0.5, 1)), BARE + "1$"),  # zero at the upper end
+    (of_inputs((0.125, 0.5, 1.5)), BARE + "0$"),
+    (of_inputs((-1, 0.25, 0.25), (0.75, 0.75, 2)), BARE + "0.5$"),  # full at both ends of the gap
+    # outputs
+    (of_output((0, 0.5, 1), (-0.1, 0.5, 1)), r"left of y's sets = \[0.0, -0.1\]: must not step back"),
+    (of_output((0, 0.5, 1), (0.2, 0.4, 1)), r"peak of y's sets = \[0.5, 0.4\]: must not step back"),
+    (of_output((-1, 0, 0), (0, 1, 1)), r"sets of y: TriangularSet\(left=-1, .* must have an area inside"),
+    # rules
+    (lambda: MamdaniSystem([], TWO, 0), r"inputs = \(\): must hold at least one"),
+    (lambda: MamdaniSystem([TWO], TWO, [[0, 1]]), r"rules: must have shape \(2,\).* got \(1, 2\)"),
+    (lambda: MamdaniSystem([TWO], TWO, [0, 1, 1]), r"must have shape \(2,\).* got \(3,\)"),
+    (lambda: MamdaniSystem([TWO], TWO, [0, 2]), "rules hold 2: must be indices of output sets, 0 to 1"),
+    (lambda: MamdaniSystem([TWO], TWO, [0, -1]), "rules hold -1: must be indices of output sets, 0 to 1"),
+    # what is inferred from
+    (lambda: PAPER.evaluate([0.0, 0.0, 0.0]), r"inputs: must have shape \(..., 2\), got \(3,\)"),
+    (lambda: PAPER.evaluate(0.0), r"inputs: must have shape \(..., 2\), got \(\)"),
+    (lambda: PAPER.evaluate([[0.0, np.nan]]), "inputs hold nan: must be finite"),
+    (lambda: PAPER.evaluate([np.inf, 0.0]), "inputs hold inf: must be finite"),
 )
-def test_impossible_values(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        make()
 
 
 @pytest.mark.parametrize("width_scale", [0.5, 0.0, -1.0, np.nan, np.inf])

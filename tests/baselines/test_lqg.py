@@ -20,6 +20,7 @@ from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.rollout import run_policy
 from tests.support.late_arm import ARM, BLOCKS, DELAY, PLACES, SIZE, START, Plant, off_plan, plan, task
+from tests.support.refusals import refused
 
 
 @pytest.mark.parametrize("kind", [LQG, GaugedLQG])
@@ -90,15 +91,15 @@ def test_integral_action_takes_away_a_steady_error() -> None:
     assert state[3] == pytest.approx(np.full((1, 2), 0.05 * 0.01))
 
 
-def test_refusals() -> None:
-    with pytest.raises(ValueError, match="delay = 'late': must be one of"):
-        LQG(task(), [plan()], delay="late")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"integral = 0\.0.*must be a finite number and > 0"):
-        LQG(task(), [plan()], integral=0.0)
-    with pytest.raises(ValueError, match=r"actuation_delay = 0\.02 s: must be a control period, 0\.01 s, at most"):
-        LQG(replace(task(), actuation_delay=0.02), [plan()])
-    with pytest.raises(ValueError, match=r"GaugedLQG reads the block 'modal_coordinates'.*GaugedLQG\.options"):
-        GaugedLQG(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), [plan()])
+test_refusals = refused(
+    (lambda: LQG(task(), [plan()], delay="late"), "delay = 'late': must be one of"),  # type: ignore[arg-type]
+    (lambda: LQG(task(), [plan()], integral=0.0), r"integral = 0\.0.*must be a finite number and > 0"),
+    (lambda: LQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* 0\.01 s, at most"),
+    (
+        lambda: GaugedLQG(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), [plan()]),
+        r"GaugedLQG reads the block 'modal_coordinates'.*GaugedLQG\.options",
+    ),
+)
 
 
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])

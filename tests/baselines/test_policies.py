@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from flexarm_baselines import FLSAC, IFDC, GainPolicy, Policy, paper_system
 from flexarm_env.actions import gain_from_action
+from tests.support.refusals import refused
 
 # Two modes a link, A = 0.1: tip deflection = 0.2 q_1 - 0.2 q_2. One value before them, one after.
 TWO_MODES = {"modal_slice": slice(1, 5), "tip_weights": np.array([0.2, -0.2])}
@@ -117,18 +118,17 @@ def test_the_constant_gain(policy: IFDC, action: float) -> None:
     np.testing.assert_array_equal(policy.predict(np.full((3, 6), np.nan))[0], np.float32([[action]] * 3))
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"gain": 1.5}, ValueError, "gain = 1.5: must be a finite number and >= 0.0 and <= 1.0"),
-        ({"gain": "1"}, TypeError, "gain = '1': must be"),
-        ({"gain_limit": 0.5}, ValueError, "gain = 1.0: must be .* <= 0.5"),
-        ({"gain_limit": 0.0}, ValueError, "gain_limit = 0.0: must be a finite number and > 0.0"),
-    ],
+test_impossible_constants = refused(
+    ({"gain": 1.5}, "gain = 1.5: must be a finite number and >= 0.0 and <= 1.0"),
+    ({"gain_limit": 0.5}, "gain = 1.0: must be .* <= 0.5"),
+    ({"gain_limit": 0.0}, "gain_limit = 0.0: must be a finite number and > 0.0"),
+    by=lambda options: IFDC(**options),
 )
-def test_impossible_constants(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        IFDC(**options)
+test_constants_of_another_kind = refused(
+    (lambda: IFDC(gain="1"), "gain = '1': must be"),  # type: ignore[arg-type]
+    (lambda: FLSAC(**{**TWO_MODES, "modal_slice": (1, 5)}), r"modal_slice = \(1, 5\): must be a slice"),
+    kind=TypeError,
+)
 
 
 # --- FLSAC --------------------------------------------------------------------------------------------------
@@ -171,37 +171,28 @@ def test_the_largest_scale_that_the_limit_allows_works(gain_limit: float) -> Non
     assert gain == pytest.approx(gain_limit, rel=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"K_s": 1.3}, ValueError, r"K_s = 1.3: .* the gain reaches 1.08333, but .* gain_limit = 1.0"),
-        ({"gain_limit": 0.8, "scale": "width"}, ValueError, "scale = 'width' the gain reaches 0.833333"),
-        ({"K_s": 0.0}, ValueError, "K_s = 0.0: must be a finite number and > 0"),
-        ({"K_s": 0.5, "scale": "width"}, ValueError, "K_s = 0.5: must be a finite number and > 0.5"),
-        ({"K_n": -5.0}, ValueError, "K_n = -5.0: must be a finite number and > 0"),
-        ({"gain_limit": -1.0}, ValueError, "gain_limit = -1.0: must be"),
-        ({"scale": "input"}, ValueError, "scale = 'input': must be one of 'output', 'width'"),
-        ({"tip_weights": np.zeros((3, 2))}, ValueError, r"tip_weights: must have shape .* got \(3, 2\)"),
-        ({"tip_weights": np.array([0.2, np.inf])}, ValueError, r"tip_weights\[1\] = inf: must be finite"),
-        ({"tip_weights": 0.2}, ValueError, "tip_weights: must have shape"),
-        ({"tip_weights": np.array([])}, ValueError, "number of tip_weights of both links, which must be > 0"),
-        ({"modal_slice": slice(1, 4)}, ValueError, r"modal_slice = slice\(1, 4, None\): .* stop - start = 4"),
-        ({"modal_slice": slice(-5, -1)}, ValueError, "modal_slice = .* start >= 0"),
-        ({"modal_slice": slice(0, 4, 2)}, ValueError, "modal_slice = "),
-        ({"modal_slice": (1, 5)}, TypeError, r"modal_slice = \(1, 5\): must be a slice"),
-    ],
+test_impossible_fuzzy_gains = refused(
+    ({"K_s": 1.3}, r"K_s = 1.3: .* the gain reaches 1.08333, but .* gain_limit = 1.0"),
+    ({"gain_limit": 0.8, "scale": "width"}, "scale = 'width' the gain reaches 0.833333"),
+    ({"K_s": 0.0}, "K_s = 0.0: must be a finite number and > 0"),
+    ({"K_s": 0.5, "scale": "width"}, "K_s = 0.5: must be a finite number and > 0.5"),
+    ({"K_n": -5.0}, "K_n = -5.0: must be a finite number and > 0"),
+    ({"gain_limit": -1.0}, "gain_limit = -1.0: must be"),
+    ({"scale": "input"}, "scale = 'input': must be one of 'output', 'width'"),
+    ({"tip_weights": np.zeros((3, 2))}, r"tip_weights: must have shape .* got \(3, 2\)"),
+    ({"tip_weights": np.array([0.2, np.inf])}, r"tip_weights\[1\] = inf: must be finite"),
+    ({"tip_weights": 0.2}, "tip_weights: must have shape"),
+    ({"tip_weights": np.array([])}, "number of tip_weights of both links, which must be > 0"),
+    ({"modal_slice": slice(1, 4)}, r"modal_slice = slice\(1, 4, None\): .* stop - start = 4"),
+    ({"modal_slice": slice(-5, -1)}, "modal_slice = .* start >= 0"),
+    ({"modal_slice": slice(0, 4, 2)}, "modal_slice = "),
+    by=lambda options: FLSAC(**{**TWO_MODES, **options}),
 )
-def test_impossible_fuzzy_gains(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        FLSAC(**{**TWO_MODES, **options})
-
-
-def test_impossible_deflections() -> None:
-    policy = FLSAC(**TWO_MODES)
-    with pytest.raises(ValueError, match="observation must hold at least 5 values, got 4"):
-        policy.predict(np.zeros(4))
-    with pytest.raises(ValueError, match="inputs hold nan: must be finite"):
-        policy.predict(np.array([0.0, np.nan, 0.0, 0.0, 0.0]))
+test_impossible_deflections = refused(
+    (np.zeros(4), "observation must hold at least 5 values, got 4"),
+    (np.array([0.0, np.nan, 0.0, 0.0, 0.0]), "inputs hold nan: must be finite"),
+    by=FLSAC(**TWO_MODES).predict,
+)
 
 
 # --- for_env ------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from flexarm_baselines.observers import Estimate, Innovation, KalmanFilter, NoiseModel, Readings
 from flexarm_env import ArmParameters, FlexibleArm
+from tests.support.refusals import refused
 
 ARM = FlexibleArm(ArmParameters.linear())
 PERIOD, STATES = 0.01, 2 * ARM.size
@@ -147,21 +148,19 @@ def test_gauges_are_readings_of_the_modes() -> None:
     assert found[0, 2] == pytest.approx(modes[0, 0] * 100.0 / 101.0, rel=1e-6)
 
 
-def test_refusals() -> None:
-    with pytest.raises(ValueError, match=r"delay = -1\.0"):
-        KalmanFilter(ARM, delay=-1.0)
-    with pytest.raises(ValueError, match="mass_of_payload"):
-        KalmanFilter(ARM, quantities={"mass_of_payload": 1.0})
-    with pytest.raises(ValueError, match=r"payload_mass.* = 0\.0"):
-        KalmanFilter(ARM, quantities={"payload_mass": 0.0})
-    with pytest.raises(ValueError, match=r"tip = 0\.0"):
-        NoiseModel(tip=0.0)
-    kalman = KalmanFilter(ARM)
-    with pytest.raises(ValueError, match=r"state.*\(n, 12\)"):
-        kalman.start(np.zeros((2, 8)))
-    estimate = kalman.start(np.tile(REST, (2, 1)))
-    with pytest.raises(ValueError, match=r"readings: must have shape \(2, 6\)"):
-        kalman.correct(estimate, Readings(np.zeros((1, 4)), np.zeros((1, 2))))
+test_refusals = refused(
+    (lambda: KalmanFilter(ARM, delay=-1.0), r"delay = -1\.0"),
+    (lambda: KalmanFilter(ARM, quantities={"mass_of_payload": 1.0}), "mass_of_payload"),
+    (lambda: KalmanFilter(ARM, quantities={"payload_mass": 0.0}), r"payload_mass.* = 0\.0"),
+    (lambda: NoiseModel(tip=0.0), r"tip = 0\.0"),
+    (lambda: KalmanFilter(ARM).start(np.zeros((2, 8))), r"state.*\(n, 12\)"),
+    (
+        lambda: KalmanFilter(ARM).correct(
+            KalmanFilter(ARM).start(np.tile(REST, (2, 1))), Readings(np.zeros((1, 4)), np.zeros((1, 2)))
+        ),
+        r"readings: must have shape \(2, 6\)",
+    ),
+)
 
 
 def test_an_estimate_is_plain_arrays() -> None:
