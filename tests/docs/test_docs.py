@@ -147,21 +147,15 @@ def test_pictures_and_links_exist() -> None:
 
 
 FLAGS = doctest.IGNORE_EXCEPTION_DETAIL
-MAIN = (
-    *("flexarm_env.envs.single", "flexarm_env.envs.vector", "flexarm_env.metrics", "flexarm_env.parameters"),
-    *(
-        "flexarm_env.reference_episode",
-        "flexarm_env.identification",
-        "flexarm_env.rollout",
-        "flexarm_env.way_points",
-        "flexarm_baselines.controller",
-        "flexarm_baselines.registry",
-        "flexarm_agents",
-    ),
-)
+WITH_EXAMPLES = [
+    ".".join([package, *path.relative_to(folder).with_suffix("").parts]).removesuffix(".__init__")
+    for package, folder in PACKAGES.items()
+    for path in sorted(folder.rglob("*.py"))
+    if re.search(r"^ *>>> ", path.read_text(encoding="utf-8"), re.MULTILINE)
+]
 
 
-@pytest.mark.parametrize("name", MAIN)
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_examples_run(name: str) -> None:
     module = import_module(name)
     examples = doctest.DocTestFinder(recurse=False).find(module, module.__name__)
@@ -172,15 +166,9 @@ def test_examples_run(name: str) -> None:
     assert runner.failures == 0
 
 
-def test_every_example_is_run() -> None:
-    having = {
-        path
-        for folder in PACKAGES.values()
-        for path in folder.rglob("*.py")
-        if "\n>>> " in (text := path.read_text(encoding="utf-8")) or "\n    >>> " in text
-    }
-    assert {import_module(name).__file__ for name in MAIN} == {str(path) for path in having}
-    assert set(MAIN) <= set(MODULES)
+def test_modules_of_the_reference_have_examples() -> None:
+    assert len(WITH_EXAMPLES) >= 11
+    assert set(WITH_EXAMPLES) <= set(MODULES)
 
 
 # --- notebooks -------------------------------------------------------------------------------------------------------
