@@ -146,35 +146,35 @@ def test_an_environment_is_recorded() -> None:
 
 SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
 LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
+ONE_MODE = ArmParameters(modes_per_link=1)
+
+
+def fitted(recording: Recording = SOME, arm: ArmParameters = ARM, **options: float) -> Any:
+    return lambda: identify([recording], arm, ["payload_mass"], **options)
+
+
+def of_environment(**options: Any) -> Any:
+    return lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", **options), TORQUE)
 
 
 test_bad_input_is_refused = refused(
     (lambda: identify([SOME], ARM, ["mass"]), "names = 'mass': must be one of"),
     (lambda: identify([SOME], ARM, []), "give each name once"),
-    (lambda: identify([SOME], ARM, ["payload_mass"], delay=-1.0), "delay = -1.0"),
-    (lambda: identify([SOME], ARM, ["payload_mass"], window=0.0), "window = 0.0"),
-    (lambda: identify([SOME], ARM, ["payload_mass"], window=0.001), r"window = 0.001: must be .* >= 0\.02"),
-    (lambda: identify([SOME], ARM, ["payload_mass"], sensor_position=9.0), "sensor_position = 9.0"),
-    (lambda: identify([LATE_TIP], ARM, ["payload_mass"], delay=0.1), r"window: too short.*'tip'.*earlier"),
     (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
-    (
-        lambda: identify([SOME], ArmParameters(modes_per_link=1), ["payload_mass"]),
-        "recordings: 8 readings for as many unknown numbers, 8; must be more",
-    ),
+    (fitted(delay=-1.0), "delay = -1.0"),
+    (fitted(window=0.0), "window = 0.0"),
+    (fitted(window=0.001), r"window = 0.001: must be .* >= 0\.02"),
+    (fitted(sensor_position=9.0), "sensor_position = 9.0"),
+    (fitted(LATE_TIP, delay=0.1), r"window: too short.*'tip'.*earlier"),
+    (fitted(arm=ONE_MODE), "recordings: 8 readings for as many unknown numbers, 8; must be more"),
     (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
     (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
     (lambda: Recording(PERIOD, TORQUE[:1], joint=np.zeros((1, 2))), r"torque: must have shape \(2, 2\)"),
     (lambda: replace(SOME, tip=np.full((4, 2), np.nan)), "tip: must be finite, or NaN .* leave it out"),
     (lambda: replace(SOME, torque=TORQUE[:4] * [np.nan, 1.0]), "torque: must be finite at all instants"),
     (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
-    (
-        lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", torque_resolution=(1, 1)), TORQUE),
-        "ideal motors",
-    ),
-    (
-        lambda: record(bare("FlexArm/Square-v0", scaled=False, frame="world", pulse_force=(1, 0)), TORQUE),
-        "pulse_force = 0",
-    ),
+    (of_environment(torque_resolution=(1, 1)), "ideal motors"),
+    (of_environment(pulse_force=(1, 0)), "pulse_force = 0"),
 )
 
 

@@ -87,28 +87,19 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
     monkeypatch.syspath_prepend(tmp_path)
     module, beside = tmp_path / "a_policy_of_mine.py", tmp_path / "its_numbers.py"
     beside.write_text("GAIN = 1.0\n")
-    texts = {
-        "plain": "import numpy\nimport its_numbers\nx = its_numbers.GAIN\n",
-        "described": '"""Mine."""\nimport numpy\nimport its_numbers  # beside\nx = its_numbers.GAIN\n',
-        "changed": "import numpy\nimport its_numbers\nx = 2 * its_numbers.GAIN\n",
-    }
+    plain = "import numpy\nimport its_numbers\nx = its_numbers.GAIN\n"
+    described = '"""Mine."""\nimport numpy\nimport its_numbers  # beside\nx = its_numbers.GAIN\n'
 
     def version(text: str) -> str:
         module.write_text(text)
-        for cached in (
-            versions._version,
-            versions._closure,
-            versions._imports,
-            versions._is_module,
-            versions._source_hash,
-        ):
-            cached.cache_clear()
+        for cached in ("_version", "_closure", "_imports", "_is_module", "_source_hash"):
+            getattr(versions, cached).cache_clear()
         return code_version([module.stem])
 
-    found = {name: version(text) for name, text in texts.items()}
-    assert found["plain"] == found["described"] != found["changed"]
+    first = version(plain)
+    assert first == version(described) != version(plain.replace("x =", "x = 2 *"))
     beside.write_text("GAIN = 3.0\n")
-    assert version(texts["plain"]) != found["plain"]
+    assert version(plain) != first
 
 
 def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:

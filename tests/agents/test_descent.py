@@ -26,6 +26,7 @@ ELSEWHERE = ("torque", "inner_gain", *OF_FURTHER_SENSORS)  # with other options
 OPEN_LOOP = ("time", "episode_parameters")  # on which an action has no influence
 OBSERVATION = [name for name in BLOCKS if name not in (*ELSEWHERE, *OPEN_LOOP)]
 OPTIONS: dict[str, Any] = {"observation": OBSERVATION, "last_actions": 3}
+LAP: dict[str, Any] = {"start": "corner", "elbow_branch": "negative"}
 
 
 class Chain:
@@ -37,15 +38,9 @@ class Chain:
     periods, arms = 18, 4
 
     def __init__(self, **options: Any) -> None:
-        given, curriculum = {**OPTIONS, **options}, {"start": "moving"}
-        self.config = FOPGConfig(
-            horizon=self.periods,
-            arms=self.arms,
-            episode_steps=13,
-            options=given,
-            curriculum_options=curriculum,
-            deflection_share=0.01,
-        )
+        sizes: dict[str, Any] = {"horizon": self.periods, "arms": self.arms, "episode_steps": 13}
+        given = {"options": {**OPTIONS, **options}, "curriculum_options": {"start": "moving"}}
+        self.config = FOPGConfig(**sizes, **given, deflection_share=0.01)
         self.env = make_batch(ID, self.arms, self.config.batch_options)
         self.model = Observations(self.env)
         random, size = np.random.default_rng(0), len(self.model.scale)
@@ -103,15 +98,8 @@ def test_the_gradient_is_that_of_the_environment(options: dict[str, Any]) -> Non
 @pytest.mark.parametrize("frame", ["link", "world"])
 def test_observations_are_those_of_the_environment(frame: str) -> None:
     """What the task decides is recovered from one arm's observations and completes those of another arm."""
-    options = {
-        **OPTIONS,
-        "observation": [*OBSERVATION, *OPEN_LOOP],
-        "frame": frame,
-        "start": "corner",
-        "elbow_branch": "negative",
-        "max_episode_steps": 100,
-    }
-    env = make_batch(ID, 2, options)
+    seen_of_task = {"observation": [*OBSERVATION, *OPEN_LOOP], "frame": frame}
+    env = make_batch(ID, 2, {**OPTIONS, **seen_of_task, **LAP, "max_episode_steps": 100})
     window = Driver(env, 0).window(lambda seen: np.array([[0.4, -0.2], [-0.3, 0.5]]), 14)
     model, seen = Observations(env), seen_in(window, 3)
     task = model.task(window.observations, seen)
@@ -124,7 +112,7 @@ def test_observations_are_those_of_the_environment(frame: str) -> None:
 
 
 def test_episodes_begin_one_after_the_other() -> None:
-    env = make_batch(ID, 4, {"start": "corner", "elbow_branch": "negative", "max_episode_steps": 100})
+    env = make_batch(ID, 4, {**LAP, "max_episode_steps": 100})
     driver = Driver(env, 0, 0.1)
     driver.stagger(20)
     window = driver.window(lambda seen: np.zeros((4, 2)), 1)
@@ -160,20 +148,16 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
 
 def test_what_the_critic_alone_sees_comes_last() -> None:
     late = {"observation": ["joint_error", "sensor_error"]}
-    assert FOPGConfig(options=late).batch_options["observation"] == [
-        "joint_error", "sensor_error", "modal_coordinates", "modal_rates",
-    ]  # fmt: skip
+    seen = [*late["observation"], "modal_coordinates", "modal_rates"]
+    assert FOPGConfig(options=late).batch_options["observation"] == seen
     assert FOPGConfig(options=late, critic_epochs=0).batch_options["observation"] == late["observation"]
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     """A training for real, though a small one: every window is the lap's beginning."""
-    lap = {"start": "corner", "elbow_branch": "negative"}
-    sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
-    sizes["torque_noise"] = 0.0
-    training = FOPGTraining(
-        FOPGConfig(windows=40, rounds=1, candidates=1, curriculum_options=lap, **sizes), RunFolder(tmp_path)
-    )
+    sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0, "torque_noise": 0.0}
+    config = FOPGConfig(windows=40, rounds=1, candidates=1, curriculum_options=LAP, **sizes)
+    training = FOPGTraining(config, RunFolder(tmp_path))
     training.start()
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()

@@ -142,18 +142,8 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
     Three seeds earned 2.3 to 3.7 times as much. Another processor rounds otherwise, which makes of a training another
     draw.
     """
-    config = PPOConfig(
-        seed=1,
-        steps=100_000,
-        envs=8,
-        rollout=256,
-        batch=512,
-        learning_rate=2e-3,
-        hidden=(64, 64),
-        episode_steps=150,
-        evaluate_every=100_000,
-    )
-    train(config, tmp_path / "run")
+    sizes: dict[str, Any] = {"envs": 8, "rollout": 256, "batch": 512, "hidden": (64, 64), "episode_steps": 150}
+    train(PPOConfig(seed=1, steps=100_000, evaluate_every=100_000, learning_rate=2e-3, **sizes), tmp_path / "run")
     last = load_policy(tmp_path / "run", last=True).policy
     assert mean_return(last) > 1.5 * mean_return(ConstantPolicy(2))
 

@@ -31,17 +31,8 @@ from tests.support.refusals import refused
 def gradient(case: TrackingProblem, torques: np.ndarray) -> np.ndarray:
     run = rollout(case, torques)
     slopes, expansion, found = ARM.step_jacobians(run.states[:-1], torques), case.expand(run.states), torques.copy()
-    no_feedback = np.zeros((len(torques), 2, SIZE + 2))
-    torque_gradient(
-        slopes.by_state,
-        slopes.by_torque,
-        expansion.gradient,
-        expansion.weights,
-        case.with_torque_before(torques),
-        no_feedback,
-        found,
-        np.empty_like(run.states[1:]),
-    )
+    model = slopes.by_state, slopes.by_torque, expansion.gradient, expansion.weights, case.with_torque_before(torques)
+    torque_gradient(*model, np.zeros((len(torques), 2, SIZE + 2)), found, np.empty_like(run.states[1:]))
     return found
 
 

@@ -209,18 +209,9 @@ def test_a_policy_reads_its_environment_through_wrappers() -> None:
 
 
 def test_a_vector_environment_will_do() -> None:
-    single = OneGain()
-    vector = SimpleNamespace(
-        single_action_space=single.action_space,
-        action_space=gym.spaces.Box(-1.0, 1.0, (12, 1)),
-        gain_limit=4.0,
-        observation_blocks=single.observation_blocks,
-        observation_scale=single.observation_scale,
-        arm=single.arm,
-    )
-    vector.unwrapped = vector
-    assert IFDC.for_env(vector).gain_limit == 4.0
-    assert FLSAC.for_env(vector).predict(np.zeros((12, 6)))[0].shape == (12, 1)
+    envs = gym.make_vec("flexarm_env:FlexArm/SquareGain-v0", num_envs=3, gain_limit=4.0)
+    assert IFDC.for_env(envs).gain_limit == 4.0
+    assert FLSAC.for_env(envs).predict(envs.observation_space.sample())[0].shape == (3, 1)
 
 
 @pytest.mark.parametrize(("name", "signs"), [("Paper", [1.0]), ("SquareGain", [1.0, -1.0, 1.0])])
