@@ -56,18 +56,17 @@ def links(parameters: ArmParameters) -> tuple[Beam, Beam]:
 
 def clamped_free(beam: Beam, count: int) -> Array:
     """Roots of ``cos b cosh b = -1`` as frequencies [rad/s]. Shape (count,)."""
-    return _roots(beam, lambda b: np.cos(b) + 1.0 / np.cosh(b), [(i * np.pi, (i + 1) * np.pi) for i in range(count)])
+    return _roots(beam, lambda b: np.cos(b) + 1.0 / np.cosh(b), range(count))
 
 
 def pinned_free(beam: Beam, count: int) -> Array:
     """Roots of ``tan b = tanh b`` above 0 as frequencies [rad/s]. Shape (count,)."""
-    return _roots(
-        beam, lambda b: np.sin(b) - np.cos(b) * np.tanh(b), [(i * np.pi, (i + 1) * np.pi) for i in range(1, count + 1)]
-    )
+    return _roots(beam, lambda b: np.sin(b) - np.cos(b) * np.tanh(b), range(1, count + 1))
 
 
-def _roots(beam: Beam, equation: Callable[[float], float], brackets: list[tuple[float, float]]) -> Array:
-    return np.array([beam.frequency(brentq(equation, *ends, xtol=1e-15, rtol=1e-15)) for ends in brackets])
+def _roots(beam: Beam, equation: Callable[[float], float], halves: range) -> Array:
+    ends = [(i * np.pi, (i + 1) * np.pi) for i in halves]
+    return np.array([beam.frequency(brentq(equation, *pair, xtol=1e-15, rtol=1e-15)) for pair in ends])
 
 
 def clamped_free_shapes(count: int, x: Array) -> tuple[Array, Array]:
@@ -151,16 +150,8 @@ def two_links(parameters: ArmParameters, theta2: float, joints: Joints) -> Struc
     shoulder, elbow, tip_slope, root_slope, tip, payload_slope = np.eye(6)
     still = np.zeros(6)
     along = (two.density * two.length + p.payload_mass) * np.sin(theta2) ** 2
-    mass = np.diag(
-        [
-            p.shoulder_hub_inertia,
-            p.elbow_mass + along,
-            p.elbow_housing_inertia,
-            p.elbow_hub_inertia,
-            p.payload_mass,
-            p.payload_inertia,
-        ]
-    )
+    elbow_masses = p.elbow_mass + along, p.elbow_housing_inertia, p.elbow_hub_inertia
+    mass = np.diag([p.shoulder_hub_inertia, *elbow_masses, p.payload_mass, p.payload_inertia])
     first = np.array([still, shoulder, elbow, tip_slope])
     second = np.array([np.cos(theta2) * elbow, root_slope, tip, payload_slope])
     allowed = [] if joints.shoulder else [shoulder]

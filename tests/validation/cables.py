@@ -36,36 +36,26 @@ class _Cable:
     """
 
     def __init__(
-        self,
-        system: Any,
-        arm: ArmParameters,
-        link: int,
-        pose: tuple[Array, float],
-        n: int,
-        axial_stiffness: float,
+        self, system: Any, arm: ArmParameters, link: int, pose: tuple[Array, float], n: int, axial_stiffness: float
     ) -> None:
         """Lay link 0 or 1 out at rest, straight, of n elements; pose: x, y of its root [m], its angle [rad]."""
         root, angle = pose
         direction = np.array([np.cos(angle), np.sin(angle)])
         places = root + np.outer(np.linspace(0.0, arm.link_lengths[link], n + 1), direction)
         self.start = np.hstack([places, np.tile(direction, (n + 1, 1))])
-        self.nodes = [
-            system.AddNode(itemInterface.NodePoint2DSlope1(referenceCoordinates=at.tolist())) for at in self.start
-        ]
+        nodes = [itemInterface.NodePoint2DSlope1(referenceCoordinates=at.tolist()) for at in self.start]
+        self.nodes = [system.AddNode(node) for node in nodes]
         self.length = arm.link_lengths[link] / n
-        self.elements = [
-            system.AddObject(
-                itemInterface.ObjectANCFCable2D(
-                    length=self.length,
-                    massPerLength=arm.masses_per_length[link],
-                    bendingStiffness=arm.flexural_rigidities[link],
-                    axialStiffness=axial_stiffness,
-                    nodeNumbers=list(pair),
-                    useReducedOrderIntegration=1,  # bending and stretching would otherwise lock each other
-                )
-            )
-            for pair in zip(self.nodes[:-1], self.nodes[1:], strict=True)
-        ]
+        cable = {
+            "length": self.length,
+            "massPerLength": arm.masses_per_length[link],
+            "bendingStiffness": arm.flexural_rigidities[link],
+            "axialStiffness": axial_stiffness,
+            "useReducedOrderIntegration": 1,  # bending and stretching would otherwise lock each other
+        }
+        pairs = zip(self.nodes[:-1], self.nodes[1:], strict=True)
+        items = [itemInterface.ObjectANCFCable2D(nodeNumbers=list(pair), **cable) for pair in pairs]
+        self.elements = [system.AddObject(item) for item in items]
 
     def place(self, system: Any, end: int) -> Any:
         """Return a marker of the root (0) or the tip (-1)."""
@@ -110,17 +100,9 @@ def cable_motion(
         ):
             load = _held(sign * torques[:, joint])
             system.AddLoad(itemInterface.LoadTorqueVector(markerNumber=marker, loadVectorUserFunction=load))
-        sensors = [
-            [
-                system.AddSensor(
-                    itemInterface.SensorNode(
-                        nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates
-                    )
-                )
-                for node in cable.nodes
-            ]
-            for cable in cables
-        ]
+        kind = {"storeInternal": True, "outputVariableType": exu.OutputVariableType.Coordinates}
+        sensors = [[itemInterface.SensorNode(nodeNumber=node, **kind) for node in cable.nodes] for cable in cables]
+        sensors = [[system.AddSensor(each) for each in row] for row in sensors]
         system.Assemble()
         system.SolveDynamic(_settings(len(torques) * HELD, step))
         moved = [np.array([system.GetSensorStoredData(each)[:, 1:5] for each in row]) for row in sensors]
@@ -134,9 +116,8 @@ def _arm(
     theta1, theta2 = programme.joints
     first = _Cable(system, arm, 0, (np.zeros(2), theta1), elements, axial_stiffness)
     second = _Cable(system, arm, 1, (first.start[-1, :2], theta1 + theta2), elements, axial_stiffness)
-    ground = system.AddMarker(
-        itemInterface.MarkerBodyPosition(bodyNumber=system.AddObject(itemInterface.ObjectGround()))
-    )
+    earth = system.AddObject(itemInterface.ObjectGround())
+    ground = system.AddMarker(itemInterface.MarkerBodyPosition(bodyNumber=earth))
     pairs = [(ground, first.place(system, 0)), (first.place(system, -1), second.place(system, 0))]
     if arm.payload_mass > 0.0:
         tip = second.start[-1, :2]
@@ -183,8 +164,6 @@ def _motion(coordinates: list[Array], arm: ArmParameters) -> Motion:
     angles = [np.unwrap(np.arctan2(each[..., 3], each[..., 2]), axis=1) for each in coordinates]
     joints = np.column_stack([angles[0][0], angles[1][0] - angles[0][-1]])
     bends = [each - each[0] for each in angles]
-    deflection = [
-        np.trapezoid(each, dx=length / (len(each) - 1), axis=0)
-        for each, length in zip(bends, arm.link_lengths, strict=True)
-    ]
+    pairs = zip(bends, arm.link_lengths, strict=True)
+    deflection = [np.trapezoid(each, dx=length / (len(each) - 1), axis=0) for each, length in pairs]
     return Motion(coordinates[1][-1, :, :2], joints, np.column_stack(deflection))

@@ -9,7 +9,7 @@ import platform
 import shutil
 from collections.abc import Callable
 from functools import cache, wraps
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
@@ -26,11 +26,8 @@ LIBRARIES = ("numpy", "scipy", "numba", "mujoco", "exudyn")
 @cache
 def _folder() -> Path:
     digest = hashlib.sha256(platform.python_version().encode())
-    for library in LIBRARIES:
-        try:
-            digest.update(f"{library} {version(library)}".encode())
-        except PackageNotFoundError:
-            digest.update(f"no {library}".encode())
+    there = {one.name: one.version for one in distributions()}
+    digest.update(repr([there.get(library) for library in LIBRARIES]).encode())
     for path in sorted(path for name in SOURCES for path in (ROOT / name).rglob("*") if path.suffix in SUFFIXES):
         digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     folder = FOLDER / digest.hexdigest()[:16]

@@ -123,9 +123,7 @@ MODELS = tuple(
     Model(kinematics, modes, shapes)
     for kinematics in ("linear", "foreshortened")
     for shapes in ("cantilever", "polynomial")
-    for modes in range(
-        1 if shapes == "cantilever" else 3, MAX_MODES + 1
-    )  # fewer polynomials are no use, see `test_arm`
+    for modes in range(1 if shapes == "cantilever" else 3, MAX_MODES + 1)  # fewer polynomials are no use: `test_arm`
 )
 DEFAULT = Model("foreshortened", 3, "polynomial")  # the default arm's
 

@@ -197,7 +197,6 @@ test_checks = checked(
 
 
 def test_tables(page: Page) -> None:
-    """The largest errors in percent, by load, joints, shapes and their number."""
     rows, quoted = [], {}
     for load, label in (("bare", "bare"), (None, "any load")):
         for joints in JOINTS:
@@ -214,7 +213,6 @@ def test_tables(page: Page) -> None:
 
 
 def test_picture_by_modes(page: Page) -> None:
-    """Errors of the first two elastic frequencies, least to largest over the elbow's angles."""
     figure, axes = plt.subplots(len(BASES), len(JOINTS), figsize=(WIDTH, 7.4), sharex=True, sharey=True)
     for line, basis in zip(axes, BASES, strict=True):
         for axis, joints in zip(line, JOINTS, strict=True):

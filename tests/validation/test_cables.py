@@ -87,7 +87,6 @@ def test_table(page: Page) -> None:
 
 
 def test_picture(page: Page) -> None:
-    """Error of the tip by the elements of a cable."""
     figure, axis = plt.subplots(figsize=(WIDTH, 3.8))
     for name, colour in zip(recorded.DOUBLED, COLOURS, strict=False):
         axis.loglog(COARSER, [changes(name, n) for n in COARSER], "o-", color=colour, label=name.replace("_", " "))

@@ -123,7 +123,6 @@ test_checks = checked(
 
 
 def test_table(page: Page) -> None:
-    """Each amplitude's motion until the doublet ends."""
     header = ("doublet [N m]", "largest deflection [m]", "tip's way [m]", "tip error [m]", "energy error / energy")
     rows = []
     for amplitude, pair in pairs().items():
@@ -136,7 +135,6 @@ def test_table(page: Page) -> None:
 
 
 def test_picture(page: Page) -> None:
-    """Energy and trajectory error, over time and by amplitude."""
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 7.8))
     for (amplitude, pair), colour in zip(reversed(pairs().items()), (*COLOURS, INK), strict=False):
         time, late = pair.rigid.time[1:], pair.complete.time[1:]

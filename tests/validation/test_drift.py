@@ -140,9 +140,8 @@ def momentum_check(name: str, *cases: Case) -> Check:
 
 def order(label: str, *starts: str) -> float:
     """Return the order of the drift in the step, that furthest from 5 of all starts."""
-    orders = []
-    for own in (runs(label, start=start) for start in starts):
-        orders.append(rate([1.0 / case.step for case in own], [largest(drift(case).energy) for case in own]))
+    cases = [runs(label, start=start) for start in starts]
+    orders = [rate([1.0 / case.step for case in own], [largest(drift(case).energy) for case in own]) for own in cases]
     return max(orders, key=lambda order: abs(order - 5.0))
 
 
@@ -168,17 +167,14 @@ test_checks = checked(
 
 
 def test_table(page: Page) -> None:
-    """Largest changes by arm and step, worst of all starts."""
     steps = sorted({case.step for case in UNDAMPED}, reverse=True)
     rows = []
     for label in dict.fromkeys(case.label for case in UNDAMPED):
         cells = []
         for step in steps:
             found = [drift(case) for case in runs(label, step=step)]
-            worst = [
-                max(map(largest, changes)) for changes in zip(*((d.energy, d.momentum) for d in found), strict=True)
-            ]
-            cells.append(" / ".join(f"{value:.3g}" for value in worst))
+            worst = [max((largest(getattr(d, what)) for d in found), default=None) for what in ("energy", "momentum")]
+            cells.append(" / ".join(f"{value:.3g}" for value in worst if value is not None))
         rows.append([label, *cells])
     page.table("drift_steps", ("undamped arm", *(f"{1e3 * step:g} ms" for step in steps)), rows)
     for case in (*UNDAMPED, DAMPED):
@@ -187,7 +183,6 @@ def test_table(page: Page) -> None:
 
 
 def test_picture_over_time(page: Page) -> None:
-    """Bent and spinning starts of the undamped arm with 1 and 2 modes."""
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.8), sharey=True)
     for axis, label in zip(axes, ("1 mode", "2 modes"), strict=True):
         for case, colour in zip(runs(label, start=BOTH), COLOURS, strict=False):
@@ -202,14 +197,11 @@ def test_picture_over_time(page: Page) -> None:
 
 
 def test_picture_by_step(page: Page) -> None:
-    """Largest change of energy by step, every arm and start."""
     figure, axis = plt.subplots(figsize=(WIDTH, 5.6))
     marks = dict(zip(STARTS, "os^", strict=True))
     for k, label in enumerate(dict.fromkeys(case.label for case in UNDAMPED)):
-        look: dict[str, Any] = {
-            "color": COLOURS[k % len(COLOURS)],
-            "linestyle": "--" if "foreshortened" in label else "-",
-        }
+        style = "--" if "foreshortened" in label else "-"
+        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linestyle": style}
         for start, mark in marks.items():
             own = runs(label, start=start)
             found = [largest(drift(case).energy) for case in own]

@@ -115,7 +115,6 @@ def test_table_of_laps(page: Page) -> None:
 
 
 def test_picture(page: Page) -> None:
-    """Distance from the chain over time under gentle feedback along the plan."""
     looks = zip(ARMS, ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm"), strict=True)
     colours = (GREEN, BLUE, COLOURS[5], ORANGE)
     lines = {}

@@ -51,9 +51,8 @@ class Errors(NamedTuple):
 
     def shown(self, count: int) -> str:
         """Write median and largest error of a number of steps [mm]."""
-        return (
-            f"{1e3 * self.median[count]:.3g} / {1e3 * self.largest[count]:.3g}" if count in self.median else "refused"
-        )
+        known = count in self.median
+        return f"{1e3 * self.median[count]:.3g} / {1e3 * self.largest[count]:.3g}" if known else "refused"
 
 
 @cache

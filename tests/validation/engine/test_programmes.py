@@ -155,9 +155,8 @@ def test_table_of_limits_of_deflection(page: Page) -> None:
     rows = []
     for label, own in found.items():
         least = [f"> {floored(beyond[what.rpartition(', ')[0]])} %" for what in own]
-        rows.append(
-            [label, *(more if x is None else f"{100.0 * x:.2g} %" for x, more in zip(own.values(), least, strict=True))]
-        )
+        pairs = zip(own.values(), least, strict=True)
+        rows.append([label, *(more if x is None else f"{100.0 * x:.2g} %" for x, more in pairs)])
         page.quote({f"limit, {label}, {what}": 100.0 * x for what, x in own.items() if x is not None})
     page.quote({f"tried, {kind}": bend for kind, bend in beyond.items()})
     page.table("engine_limits", ["deflection / length", *next(iter(found.values()))], rows)
