@@ -36,52 +36,30 @@ def mass_and_forces(q: Array, dq: Array, arm: Any) -> tuple[Array, Array]:
     """M(q) and h(q, q') + K q + D q' in joint coordinates, summed over material points of both links."""
     length1, length2, points1, points2, shapes1, shapes2, masses1, masses2, tip, slope = arm[:10]
     stiffness, damping, complete = arm[10:]
-    m = len(tip)
-    n = 2 * m + 2
-    M, h, J = np.zeros((n, n)), np.zeros(n), np.zeros(n, dtype=np.complex128)
-    e1 = np.exp(1j * q[0])  # along link 1's root tangent; 1j * e1 is across
-    for g in range(len(points1)):
-        w, dw = 0.0, 0.0
-        for i in range(m):
-            w, dw = w + shapes1[g, i] * q[2 + i], dw + shapes1[g, i] * dq[2 + i]
-            J[2 + i] = 1j * shapes1[g, i] * e1
-        r = points1[g] + 1j * w
-        J[0] = 1j * r * e1
-        add_point(M, h, J, -(r * dq[0] + 2.0 * dw) * dq[0] * e1, masses1[g])
-    w1, dw1, angle, rate = 0.0, 0.0, q[0] + q[1], dq[0] + dq[1]
+    m, n = len(tip), len(q)
+    q1, q2, dq1, dq2 = q[2 : m + 2], q[m + 2 :], dq[2 : m + 2], dq[m + 2 :]
+    angle, rate = q[0] + q[1] + slope @ q1, dq[0] + dq[1] + slope @ dq1
+    e1, e2 = np.exp(1j * q[0]), np.exp(1j * angle)  # along the root tangents; 1j * e1 is across
+    r1, r2 = points1 + 1j * (shapes1 @ q1), points2 + 1j * (shapes2 @ q2)
+    elbow = (length1 + 1j * (tip @ q1)) * e1
+    J1, J2 = np.zeros((len(r1), n), dtype=np.complex128), np.zeros((len(r2), n), dtype=np.complex128)
+    J1[:, 0], J1[:, 2 : m + 2] = 1j * r1 * e1, 1j * shapes1 * e1
+    J2[:, 0], J2[:, 1], J2[:, m + 2 :] = 1j * (elbow + r2 * e2), 1j * r2 * e2, 1j * shapes2 * e2
     for i in range(m):
-        w1, dw1 = w1 + tip[i] * q[2 + i], dw1 + tip[i] * dq[2 + i]
-        angle, rate = angle + slope[i] * q[2 + i], rate + slope[i] * dq[2 + i]
-    elbow = (length1 + 1j * w1) * e1
-    elbow_acceleration = -elbow * dq[0] ** 2 - 2.0 * dw1 * dq[0] * e1
-    e2 = np.exp(1j * angle)
-    for g in range(len(points2)):
-        w, dw = 0.0, 0.0
-        for i in range(m):
-            w, dw = w + shapes2[g, i] * q[2 + m + i], dw + shapes2[g, i] * dq[2 + m + i]
-            J[2 + m + i] = 1j * shapes2[g, i] * e2
-        r = points2[g] + 1j * w
-        J[0], J[1] = 1j * (elbow + r * e2), 1j * r * e2
-        for i in range(m):
-            J[2 + i] = 1j * (tip[i] * e1 + slope[i] * r * e2)
-        add_point(M, h, J, elbow_acceleration - (r * rate + 2.0 * dw) * rate * e2, masses2[g])
+        J2[:, 2 + i] = 1j * (tip[i] * e1 + slope[i] * r2 * e2)
+    elbow_acceleration = -elbow * dq[0] ** 2 - 2.0 * (tip @ dq1) * dq[0] * e1
+    # at q'' = 0
+    acceleration1 = -(r1 * dq[0] + 2.0 * (shapes1 @ dq1)) * dq[0] * e1
+    acceleration2 = elbow_acceleration - (r2 * rate + 2.0 * (shapes2 @ dq2)) * rate * e2
+    weighed1, weighed2 = (np.conj(J1.T) * masses1).copy(), (np.conj(J2.T) * masses2).copy()
+    M = (weighed1 @ J1 + weighed2 @ J2).real.copy()
+    h = (weighed1 @ acceleration1 + weighed2 @ acceleration2).real.copy()
     if not complete:  # C_r (7): the rigid arm's, in the joint rows only
-        h[:] = 0.0
         coupling = np.sum(masses2) * 0.5 * length2 * length1 * np.sin(q[1])
-        h[0] = -coupling * (2.0 * dq[0] + dq[1]) * dq[1]
-        h[1] = coupling * dq[0] ** 2
-    for i in range(2 * m):
-        h[2 + i] += stiffness[i] * q[2 + i] + damping[i] * dq[2 + i]
+        h[:] = 0.0
+        h[0], h[1] = -coupling * (2.0 * dq[0] + dq[1]) * dq[1], coupling * dq[0] ** 2
+    h[2:] += stiffness * q[2:] + damping * dq[2:]
     return M, h
-
-
-@njit(cache=True)
-def add_point(M: Array, h: Array, J: Array, acceleration: complex, mass: float) -> None:
-    """Inertia of one material point; `acceleration` at q'' = 0."""
-    for i in range(len(h)):
-        for j in range(len(h)):
-            M[i, j] += mass * (np.conj(J[i]) * J[j]).real
-        h[i] += mass * (np.conj(J[i]) * acceleration).real
 
 
 @njit(cache=True)
@@ -97,14 +75,11 @@ def deflected_point(x: Array, arm: Any, distance: float, phi: Array) -> tuple[co
     """Position and velocity of the material point that the "true" sensor sees."""
     length1, tip, slope = arm[0], arm[8], arm[9]
     m, n = len(tip), len(x) // 2
-    w1, dw1, angle, rate, w2, dw2 = 0.0, 0.0, x[0] + x[1], x[n] + x[n + 1], 0.0, 0.0
-    for i in range(m):
-        w1, dw1 = w1 + tip[i] * x[2 + i], dw1 + tip[i] * x[n + 2 + i]
-        angle, rate = angle + slope[i] * x[2 + i], rate + slope[i] * x[n + 2 + i]
-        w2, dw2 = w2 + phi[i] * x[2 + m + i], dw2 + phi[i] * x[n + 2 + m + i]
+    one, two, one_rate, two_rate = x[2 : m + 2], x[m + 2 : n], x[n + 2 : n + m + 2], x[n + m + 2 :]
+    angle, rate = x[0] + x[1] + slope @ one, x[n] + x[n + 1] + slope @ one_rate
     e1, e2 = np.exp(1j * x[0]), np.exp(1j * angle)
-    elbow, reach = (length1 + 1j * w1) * e1, (distance + 1j * w2) * e2
-    return elbow + reach, 1j * (x[n] * elbow + dw1 * e1 + rate * reach + dw2 * e2)
+    elbow, reach = (length1 + 1j * (tip @ one)) * e1, (distance + 1j * (phi @ two)) * e2
+    return elbow + reach, 1j * (x[n] * elbow + (tip @ one_rate) * e1 + rate * reach + (phi @ two_rate) * e2)
 
 
 @njit(cache=True)
