@@ -15,7 +15,7 @@ from flexarm_env.allowed import Number, OneOf, Pair
 from flexarm_env.parameters import PRESETS, arm_parameters
 from flexarm_env.validation import finite_array, finite_rows, integer, number
 from tests.support.lagrange import arms
-from tests.support.refusals import refuses
+from tests.support.refusals import refused, refuses
 
 CLASSES = (ArmParameters, SensorParameters, LawParameters, SquareParameters)
 
@@ -237,25 +237,19 @@ def test_integer_accepts_exactly_what_it_says(value: int, least: int, most: int)
             integer("n", value, least)
 
 
-BAD_ARRAYS: list[tuple[Any, tuple[str, ...]]] = [
-    ([1.0, 2.0], ("a: must have shape (n, 2), got (2,)",)),
-    (np.zeros((2, 3)), ("must have shape (n, 2), got (2, 3)",)),
-    (1.0, ("must have shape (n, 2), got ()",)),
-    ([[1.0, 2.0], [3.0, np.nan]], ("a[1, 1] = nan: must be finite",)),
-    ([[1.0, -np.inf]], ("a[0, 1] = -inf: must be finite",)),
-    ([[1.0, 2.0], [3.0]], ("a: must be an array of real numbers",)),
-    ([["1.0", "2.0"]], ("a = ", "array of real numbers")),
-    ([[None, 2.0]], ("a = ", "array of real numbers")),
-    ([[True, False]], ("a = ", "array of real numbers")),
-    ([[1j, 2.0]], ("a = ", "array of real numbers")),
-    ("ab", ("a = 'ab'", "array of real numbers")),
-]
-
-
-@pytest.mark.parametrize(("bad", "words"), BAD_ARRAYS, ids=lambda value: str(value)[:25])
-def test_bad_arrays_are_refused(bad: Any, words: tuple[str, ...]) -> None:
-    with refuses(ValueError, *words):
-        finite_array("a", bad, (None, 2))
+OF_NUMBERS = "array of real numbers"
+test_bad_arrays_are_refused = refused(
+    ([1.0, 2.0], r"a: must have shape \(n, 2\), got \(2,\)"),
+    (np.zeros((2, 3)), r"must have shape \(n, 2\), got \(2, 3\)"),
+    (1.0, r"must have shape \(n, 2\), got \(\)"),
+    ([[1.0, 2.0], [3.0, np.nan]], r"a\[1, 1\] = nan: must be finite"),
+    ([[1.0, -np.inf]], r"a\[0, 1\] = -inf: must be finite"),
+    ([[1.0, 2.0], [3.0]], f"a: must be an {OF_NUMBERS}"),
+    *(([[bad, 2.0]], f"a = .*{OF_NUMBERS}") for bad in ("1.0", None, 1j)),
+    ([[True, False]], f"a = .*{OF_NUMBERS}"),
+    ("ab", f"a = 'ab'.*{OF_NUMBERS}"),
+    by=lambda bad: finite_array("a", bad, (None, 2)),
+)
 
 
 @pytest.mark.parametrize("check", [lambda a: finite_array("a", a, (3, 2)), lambda a: finite_rows("a", a, 2)])

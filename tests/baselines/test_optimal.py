@@ -24,7 +24,8 @@ from flexarm_baselines.optimal.adjoint import torque_gradient
 from flexarm_baselines.optimal.solver import dynamics_curvature, rollout
 from flexarm_env import ArmParameters, SquareParameters
 from flexarm_env.simulation.feedback import Rollout
-from tests.support.optimal import ARM, IDLE, PERIODS, SIZE, START, problem, solved
+from tests.support.late_arm import ARM, SIZE, START
+from tests.support.optimal import IDLE, PERIODS, problem, solved
 from tests.support.refusals import refused
 
 

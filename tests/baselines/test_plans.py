@@ -15,7 +15,8 @@ from flexarm_baselines.task import Task
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
-from tests.support.optimal import ARM, PERIODS, SIZE, START, plan, problem, solved
+from tests.support.late_arm import ARM, SIZE, START
+from tests.support.optimal import PERIODS, plan, problem, solved
 from tests.support.refusals import refused
 
 

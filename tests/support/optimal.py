@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 
 from flexarm_baselines.optimal import Plan, Solution, SolverOptions, TrackingProblem, optimise
-from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
+from tests.support.late_arm import ARM, SIZE, START
 
-ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
-PERIODS, SIZE = 25, 8
-START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+PERIODS = 25
 IDLE = Rollout(np.zeros((PERIODS + 1, SIZE)), np.zeros((PERIODS, 2)))
 
 
