@@ -179,15 +179,12 @@ def test_columns_stand_in_line() -> None:
 
 
 def test_markdown_becomes_text() -> None:
+    assert from_markdown("See *one*:\n\n- a `b`\n- c d e\n\nEnd.", 6) == "See\none:\n\n- a b\n- c d\n  e\n\nEnd."
     rows = [("`a|b`", "word " * 9, ""), ("c", "", "")]
     page = f"See `code` and [a page](there.md).\n\n{table(('key', 'what', ''), rows)}"
     assert from_markdown(page, 40) == (
         "See code and a page.\n\nkey  what\na|b  word word word word word word word\n     word word\nc"
     )
-
-
-def test_lists_stay_lists() -> None:
-    assert from_markdown("See *one*:\n\n- a `b`\n- c d e\n\nEnd.", 6) == "See\none:\n\n- a b\n- c d\n  e\n\nEnd."
 
 
 def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:

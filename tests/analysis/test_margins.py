@@ -21,6 +21,7 @@ from flexarm_env.analysis import (
     zeros,
 )
 from flexarm_env.analysis.law_loop import rest_angles
+from tests.support.complex_steps import jacobian
 from tests.support.envs import vector
 from tests.support.loops import resting_at
 
@@ -37,32 +38,27 @@ def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PA
 @pytest.mark.parametrize("position", [4.5, 0.5])
 @pytest.mark.parametrize("reference", [CORNER, SIDE])
 def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float]) -> None:
-    """Central differences of (10), the stretched arm's remaining error included."""
+    """By the angles now, by late ones, and by the rates; the stretched arm's remaining error included."""
     law = LawParameters()
     case = law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7)
-    theta0 = case.point.q[:2]
 
-    def jacobian(theta: np.ndarray) -> np.ndarray:
+    def by_angles(theta: np.ndarray) -> np.ndarray:
         one, both = theta[0], theta[0] + theta[1]
         first, second = 4.5 * np.array([-np.sin(one), np.cos(one)]), position * np.array([-np.sin(both), np.cos(both)])
         return np.column_stack([first + second, second])
 
-    def torque(current: np.ndarray, late: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    def torque(variables: np.ndarray) -> np.ndarray:
+        current, late, rates = np.split(variables, 3)
         one, both = late[0], late[0] + late[1]
         at = 4.5 * np.array([np.cos(one), np.sin(one)]) + position * np.array([np.cos(both), np.sin(both)])
-        force = law.proportional_gain * (np.array(reference) - at) - law.derivative_gain * jacobian(late) @ rates
-        return 0.7 * jacobian(current).T @ force
+        force = law.proportional_gain * (np.array(reference) - at) - law.derivative_gain * by_angles(late) @ rates
+        return np.asarray(0.7 * by_angles(current).T @ force)
 
-    rest = (theta0, theta0, np.zeros(2))
-    np.testing.assert_allclose(torque(*rest), 0.0, atol=1e-9)
-    terms = [case.current.P, case.shoulder.P + case.elbow.P, case.current.V]
-    for which, expected in enumerate(terms):
-        for i in range(2):
-            moved = [[part.copy() for part in rest] for _ in range(2)]
-            moved[0][which][i] += 1e-5
-            moved[1][which][i] -= 1e-5
-            change = (torque(*moved[0]) - torque(*moved[1])) / 2e-5
-            np.testing.assert_allclose(-0.7 * expected[:, i], change, rtol=1e-6, atol=1e-5)
+    rest = np.concatenate([case.point.q[:2], case.point.q[:2], np.zeros(2)])
+    np.testing.assert_allclose(torque(rest), 0.0, atol=1e-9)
+    terms = (case.current.P, case.shoulder.P + case.elbow.P, case.current.V)
+    expected = np.hstack([-0.7 * term[:, :2] for term in terms])
+    np.testing.assert_allclose(jacobian(torque, rest), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_every_corner_and_both_branches_have_the_same_margins() -> None:

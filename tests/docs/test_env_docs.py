@@ -5,7 +5,6 @@ import inspect
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -22,8 +21,8 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import ENDS
 from scripts.docs import env_pictures, environments, to_beat, widgets
 from tests.support.envs import terms_of
+from tests.support.programs import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs" / "environments"
 DOCSTRING = FlexArmEnv.__doc__ or ""
 Row = dict[str, str]
@@ -109,12 +108,8 @@ def test_help_of_a_made_environment_is_the_specification() -> None:
 
 def test_the_specification_builds_no_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """Importing the package must stay light."""
-
-    def fail(*arguments: Any) -> None:
-        raise AssertionError("an arm was built")
-
-    monkeypatch.setattr(FlexibleArm, "__init__", fail)
-    monkeypatch.setattr(Settings, "__post_init__", fail)
+    for kind, method in ((FlexibleArm, "__init__"), (Settings, "__post_init__")):
+        monkeypatch.setattr(kind, method, lambda *given: pytest.fail("an arm was built"))
     assert documentation.specification(FlexArmEnv.__doc__ or "").count("\n## ") > 8
 
 
@@ -242,20 +237,14 @@ def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:
 
 def test_arguments_of_a_batch() -> None:
     table = rows(section((DOCS / "README.md").read_text(encoding="utf-8"), "Make a batch"))
-    signature = inspect.signature(environments.FlexArmVectorEnv.__init__)
-    assert [bare(row["argument"]) for row in table] == [
-        each for each in signature.parameters if each not in ("self", "options")
-    ]
+    own = [*inspect.signature(environments.FlexArmVectorEnv.__init__).parameters]
+    assert [bare(row["argument"]) for row in table] == [name for name in own if name not in ("self", "options")]
 
 
 def test_tables_escape_bars_and_drop_empty_columns() -> None:
     assert documentation.table(("a", "b"), [("|x|", "")]) == "| a |\n| --- |\n| \\|x\\| |"
-    assert [documentation.figure(value) for value in (17.90954, 20354.2, 0.25, np.inf)] == [
-        "17.91",
-        "20350",
-        "0.25",
-        "none",
-    ]
+    figures = {17.90954: "17.91", 20354.2: "20350", 0.25: "0.25", np.inf: "none"}
+    assert [documentation.figure(value) for value in figures] == list(figures.values())
 
 
 @pytest.mark.parametrize("name", to_beat.BY_ID)

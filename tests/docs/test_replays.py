@@ -37,10 +37,8 @@ def test_numbers_are_read_as_they_were_written(values: list[list[int]]) -> None:
 def test_the_index_names_the_files_that_are_there() -> None:
     there = {path.name for path in replays.FOLDER.iterdir()}
     assert {file for _, _, file in FILES} | {replays.INDEX} == there
-    shown = {lap: tuple(row["name"] for row in INDEX["rows"] if lap in row["files"]) for lap in INDEX["laps"]}
-    assert {lap: set(names) for lap, names in shown.items()} == {
-        lap: set(kind.entries) for lap, kind in replays.KINDS.items()
-    }
+    shown = {lap: {row["name"] for row in INDEX["rows"] if lap in row["files"]} for lap in INDEX["laps"]}
+    assert shown == {lap: set(kind.entries) for lap, kind in replays.KINDS.items()}
     assert set(replay_names()) <= {row.name for row in all_entries(())}
     assert [INDEX["laps"][lap]["carried"] for lap in ("race", "carry")] == [[], [5.0, 17.0]]
     assert all(row["text"] == replays.text_of(row["name"]) for row in INDEX["rows"])
@@ -97,9 +95,8 @@ def test_the_board_keeps_every_row_and_column() -> None:
     script = board_script(BOARD, ["lqg"])
     shown = json.loads(script[len("flexarm.board(") : script.rindex(")")])
     assert [row["name"] for row in shown["rows"]] == [row["name"] for row in BOARD["rows"]]
-    assert {name: column["values"] for name, column in shown["columns"].items()} == {
-        name: column["values"] for name, column in BOARD["columns"].items()
-    }
+    values = [{name: column["values"] for name, column in one["columns"].items()} for one in (shown, BOARD)]
+    assert values[0] == values[1]
     assert sorted(row["place"] for row in shown["rows"] if row["place"]) == [*range(1, RANKED + 1)]
     assert [row["name"] for row in shown["rows"] if row["replay"]] == ["lqg"]
     for row, own in zip(BOARD["rows"], shown["rows"], strict=True):
