@@ -85,15 +85,12 @@ def by_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
+@pytest.mark.parametrize("kind", ["processes", "submitit-local"])
+def test_two_workers_give_the_same_files(kind: str, tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
+    if kind == "submitit-local":
+        pytest.importorskip("submitit", reason="the extra `slurm` is not installed")
     assert len(by_one_process) == len(REAL["delay"].points)
-    assert measured(tmp_path, executor("processes", 2, tmp_path)) == by_one_process
-
-
-@pytest.mark.slow
-def test_submitit_gives_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
-    pytest.importorskip("submitit", reason="the extra `slurm` is not installed")
-    assert measured(tmp_path, executor("submitit-local", 2, tmp_path / "submitit")) == by_one_process
+    assert measured(tmp_path, executor(kind, 2, tmp_path / "workers")) == by_one_process
 
 
 @pytest.mark.slow
