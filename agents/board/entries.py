@@ -185,6 +185,7 @@ LATE = (
     Entry("ifdc", "ifdc_late", options=_LATE),
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
+FILTERED = (Entry("flexarm_agents.policies.safety_filter:SafetyFilter", "safety_filter"),)
 # Variants of another entry that take as long as all others; who wants them adds them by name.
 LEFT_OUT = ("nmpc_path", "nmpc_adaptive_stamped")
 LIMITED = tuple(Entry(name, f"{name}_limited", limited=True) for name in ("ifdc", "flsac"))
@@ -193,7 +194,7 @@ LIMITED = tuple(Entry(name, f"{name}_limited", limited=True) for name in ("ifdc"
 def all_entries(added: Sequence[str]) -> list[Entry]:
     """Return all entries, each with a name of its own."""
     own = [name for name in controller_names() if name not in LEFT_OUT]
-    entries = [*(Entry(name, environment=CONTROLLERS[name].environment) for name in own), *LATE, *LIMITED]
+    entries = [*(Entry(name, environment=CONTROLLERS[name].environment) for name in own), *LATE, *LIMITED, *FILTERED]
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     entries += [_added(source) for source in added]
     names = [entry.name for entry in entries]
