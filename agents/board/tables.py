@@ -30,6 +30,7 @@ FIELD = (
     "computed_torque_dob",
     "nmpc",
     "nmpc_deflection",
+    "safety_filter",
 )
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown")
 

@@ -32,8 +32,8 @@ HORIZON = 20
 OWN = 9  # parts of the backup's memory
 
 
-# Share of the limits of the tip's error and the links' bending in which predictions must stay: the largest tenth at
-# which no arm of a sample is lost (`python -m scripts.control --only safety_filter`)
+# Share of the limits of the tip's error and the links' bending in which predictions must stay: a tenth less than the
+# largest at which hardly an arm of a sample is lost (`python -m scripts.control --only safety_filter`)
 TUBE = 0.4
 
 

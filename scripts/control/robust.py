@@ -6,7 +6,7 @@ The search makes the slowest decay over a sample of the box as fast as it can; i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from scipy.stats import qmc
 
 from flexarm_agents.evaluation.candidates import ENVIRONMENT
 from flexarm_baselines.arrays import Floats
+from flexarm_baselines.controller import TorqueController
 from flexarm_baselines.lqg import LQG, QUICK
 from flexarm_baselines.lqg.controller import NOISE, WEIGHTS
 from flexarm_baselines.observers import KalmanFilter
@@ -153,13 +154,21 @@ def searched() -> dict[str, Any]:
     return {**Design(*np.exp(found.x).tolist())._asdict(), "slowest": -float(found.fun)}
 
 
-def run_unknown(design: Mapping[str, Any]) -> list[list[float] | None]:
-    """Return errors over the lap and after 2 s [m] of episodes on unknown arms, laps in turn; None for lost ones."""
-    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **LQG.options() | UNKNOWN_PLANT)
-    policy, sides = LQG.for_env(envs, **design), [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
+def run_unknown(
+    make: Callable[[Any], TorqueController], options: Mapping[str, Any], episodes: int = EPISODES
+) -> list[list[float] | None]:
+    """Return errors over the lap and after 2 s [m] of episodes on unknown arms, laps in turn; None for lost ones.
+
+    Args:
+        make: makes the policy for vector environments.
+        options: that these need for it.
+        episodes: number of them.
+    """
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=episodes, **{**options, **UNKNOWN_PLANT})
+    policy, sides = make(envs), [lap.elbow_branch for lap in LAPS.values()] * (episodes // len(LAPS))
     observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
-    squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None
-    starting, over = np.ones(EPISODES, dtype=bool), np.zeros(EPISODES, dtype=bool)
+    squares, running, state = [infos["tip_error"] ** 2], np.ones(episodes, dtype=bool), None
+    starting, over = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=bool)
     while not over.all():
         actions, state = policy.predict(observations, state, starting)
         observations, _, terminated, truncated, infos = envs.step(actions)
@@ -175,8 +184,8 @@ def measured(design: Mapping[str, Any]) -> dict[str, Any]:
     """Return what keyword arguments of `LQG` come to: decays, both nominal laps, and episodes on unknown arms."""
     task = nominal_task()
     controller = LQG(task, **design)
-    rates = decays(controller, plants(task, controller.plans))
-    return {"decays": rates, "nominal": run_laps("lqg", design), "unknown": run_unknown(design)}
+    rates, make = decays(controller, plants(task, controller.plans)), partial(LQG.for_env, **design)
+    return {"decays": rates, "nominal": run_laps("lqg", design), "unknown": run_unknown(make, LQG.options())}
 
 
 def _trials() -> dict[str, Trial]:

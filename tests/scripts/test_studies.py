@@ -15,6 +15,7 @@ from scripts.analysis.__main__ import STUDIES as OF_ANALYSIS
 from scripts.common.markdown import DOCS, shown_blocks
 from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
+from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
 
@@ -30,6 +31,12 @@ def test_the_page_has_every_controller_with_the_scores_of_its_laps() -> None:
     rows = {cells[1].strip(" `"): cells for cells in (line.split("|") for line in lines)}
     assert list(rows) == [name for name, one in CONTROLLERS.items() if one.environment != "FlexArm/Race-v0"]
     assert [one.strip() for one in rows["ifdc"][4:6]] == [cell(lap, 1) for lap in run_laps("ifdc").values()]
+
+
+def test_a_lost_lap_is_infinite_among_the_errors_behind_a_filter() -> None:
+    errors = [[0.01 * n, 0.0] for n in range(1, 10)]
+    lines = safety_filter_table({"0.4": {"unknown": [*errors, None], "acts": 0.21}}).splitlines()
+    assert [one.strip() for one in lines[-1].split("|")[1:-1]] == ["0.4", "1 of 10", "60", "lost", "21%"]
 
 
 def score(duration: float, error: float | None) -> dict[str, Any]:

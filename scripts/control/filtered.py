@@ -1,0 +1,68 @@
+"""How wide the tube of a safety filter may be: what a network behind it loses on unknown arms, and how far it errs."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flexarm_agents.policies.safety_filter import OWN, SafetyFilter
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.controller import Memory, Seen
+from scripts.common.markdown import table
+from scripts.common.study import Trial, study
+from scripts.control.robust import run_unknown
+
+EPISODES = 128
+TUBES = {"the backup alone": 0.0, **{f"{x:g}": x for x in (0.3, 0.4, 0.5, 0.6)}, "the network alone": np.inf}
+
+
+class Counting(SafetyFilter):
+    """A filter that keeps how many arms it has driven for a period, and in how many it has changed the torques."""
+
+    periods = acts = 0
+
+    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
+        """See `SafetyFilter`."""
+        torque, memory = super().torque(seen, memory)
+        self.periods, self.acts = self.periods + len(seen), self.acts + int(np.sum(memory[OWN] < 1.0))
+        return torque, memory
+
+
+def run_tube(tube: float) -> dict[str, Any]:
+    """Return the errors of `run_unknown`, and the share of periods in which the filter acts.
+
+    Args:
+        tube: share of the limits in which predictions must stay; 0: nothing passes, infinite: everything.
+    """
+    made: list[Counting] = []
+
+    def make(envs: Any) -> Counting:
+        made.append(Counting.for_env(envs))
+        made[0].limits = tube * np.array([envs.settings.error_limit, envs.settings.deflection_limit])
+        return made[0]
+
+    errors = run_unknown(make, Counting.options(), EPISODES)
+    return {"unknown": errors, "acts": made[0].acts / made[0].periods}
+
+
+def trials() -> dict[str, Trial]:
+    """Return a trial for each tube."""
+    return {name: partial(run_tube, tube) for name, tube in TUBES.items()}
+
+
+def safety_filter_table(results: Any) -> str:
+    """Tabulate losses, errors, and how often the filter acts."""
+    lines = []
+    for name, result in results.items():
+        errors = np.array([np.inf if pair is None else 1e3 * pair[0] for pair in result["unknown"]])
+        values = np.quantile(errors, [0.5, 0.9], method="higher")
+        shown = (f"{x:.0f}" if np.isfinite(x) else "lost" for x in values)
+        lines.append([name, f"{np.sum(~np.isfinite(errors))} of {len(errors)}", *shown, f"{result['acts']:.0%}"])
+    return table(["tube", "lost", "median [mm]", "90th percentile [mm]", "periods in which it acts"], lines)
+
+
+STUDIES = study(
+    __name__, "safety_filter", "a network behind a safety filter, by the width of its tube", trials, safety_filter_table
+)
