@@ -75,17 +75,6 @@ def test_output_matrix_is_the_derivative_of_the_reading(sensor: Sensor, rate: bo
     np.testing.assert_allclose(sensor.matrix(point), np.stack(columns, axis=1), atol=2e-5)
 
 
-def test_plant_predicts_a_small_motion() -> None:
-    """Simulated torque-driven arm against the linear one, from rest under a short push."""
-    point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
-    plant = linear_plant(point, tip())
-    push = np.array([1e-2, -5e-3])
-    run = ARM.simulate(point.state, np.tile(push, (200, 1)), 0.2, substeps=4)
-    exact = scipy.linalg.expm(np.block([[plant.A, (plant.B @ push)[:, None]], [np.zeros((1, 13))]]) * 0.2)[:-1, -1]
-    moved = run.tip[-1] - run.tip[0]
-    np.testing.assert_allclose(plant.C @ exact, moved, rtol=2e-3, atol=1e-7)
-
-
 def test_delay_is_exact_in_frequency_and_pade_models_tend_to_it() -> None:
     point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
     prompt, late = (linear_plant(point, tip(delay=d)) for d in (0.0, 0.0312))
@@ -168,19 +157,6 @@ def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
     first = modes.shapes[int(np.abs(modes.frequencies - cantilever[0]).argmin())]
     assert np.abs(first[4]) > 100.0 * np.abs(first[5])
     np.testing.assert_allclose(modes.damping_ratios[-2:], clamped_ratio(arm.parameters), rtol=0.05)
-
-
-def test_free_modes_move_no_torque() -> None:
-    """A shape released at rest swings at its frequency: simulated."""
-    arm = FlexibleArm(ArmParameters.linear(damping_ratio=0.0))
-    point = OperatingPoint.at_angles(arm, (0.0, 1.2))
-    modes = natural_modes(point)
-    state = point.state.copy()
-    state[: arm.size] += 1e-5 * modes.shapes[2]
-    period = 2.0 * np.pi / modes.frequencies[2]
-    run = arm.simulate(state, None, period, step=period / 2000)
-    np.testing.assert_allclose(run.state[1000, : arm.size] - point.q, -1e-5 * modes.shapes[2], atol=2e-8)
-    np.testing.assert_allclose(run.state[-1], state, atol=2e-7)
 
 
 def test_natural_modes_need_an_equilibrium() -> None:

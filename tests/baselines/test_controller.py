@@ -52,15 +52,6 @@ def test_memory_begins_where_an_episode_does() -> None:
     assert all(np.array_equal(one, other) for one, other in zip(state, before, strict=True)), "a memory was changed"
 
 
-def test_one_observation_is_a_batch_of_one() -> None:
-    controller = Integrator(TASK)
-    action, state = controller.predict(observed([1.0])[0])
-    assert action.shape == (2,)
-    assert action.dtype == np.float32
-    action, _ = controller.predict(observed([1.3])[0], state)
-    assert action[0] == pytest.approx(3.0 / 150.0, rel=1e-5)
-
-
 def test_time_of_the_lap() -> None:
     periods = np.array([0, 1, 799, 1599])
     angle = 2.0 * np.pi * (periods + 1e-4) / 1600.0

@@ -44,21 +44,16 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return site
 
 
-def test_a_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
-    files = zipfile.ZipFile(wheel).namelist()
+def test_a_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel: Path) -> None:
+    """Every file of a package that is no source is data, and has to be declared as such."""
+    files = set(zipfile.ZipFile(wheel).namelist())
     tops = {name.partition("/")[0] for name in files}
     assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
     for package, folder in PACKAGES.items():
-        expected = {f"{package}/{path.relative_to(folder).as_posix()}" for path in folder.rglob("*.py")}
-        assert expected | {f"{package}/py.typed"} <= set(files)
-
-
-def test_a_wheel_holds_all_data(wheel: Path) -> None:
-    """Every file of a package that is no source is data, and has to be declared as such."""
-    files = set(zipfile.ZipFile(wheel).namelist())
-    for package, folder in PACKAGES.items():
-        data = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")]
-        assert {f"{package}/{path.relative_to(folder).as_posix()}" for path in data} <= files
+        wanted = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+        assert {f"{package}/{path.relative_to(folder).as_posix()}" for path in wanted} | {
+            f"{package}/py.typed"
+        } <= files
 
 
 def test_a_source_archive_is_the_repository(source: Path, tmp_path: Path) -> None:

@@ -81,13 +81,6 @@ def test_nothing_imports_a_folder_by_its_generic_name() -> None:
     assert [str(path) for path in files if forbidden.search(path.read_text(encoding="utf-8"))] == []
 
 
-def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
-    code = f"import sys, flexarm_env; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
-    result = run_bare(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.strip() == "[]"
-
-
 def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Path) -> None:
     code = (
         "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, PPOConfig; "
