@@ -50,10 +50,8 @@ def test_a_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel: Path
     tops = {name.partition("/")[0] for name in files}
     assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
     for package, folder in PACKAGES.items():
-        wanted = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-        assert {f"{package}/{path.relative_to(folder).as_posix()}" for path in wanted} | {
-            f"{package}/py.typed"
-        } <= files
+        wanted = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+        assert {f"{package}/{path.as_posix()}" for path in wanted} | {f"{package}/py.typed"} <= files
 
 
 def test_a_source_archive_is_the_repository(source: Path, tmp_path: Path) -> None:
@@ -65,7 +63,7 @@ def test_a_source_archive_is_the_repository(source: Path, tmp_path: Path) -> Non
         held = {name.partition("/")[2] for name in file.getnames()}
     wanted = {path for folder in ARCHIVED for path in (ROOT / folder).rglob("*")}
     wanted |= {path for path in ROOT.iterdir() if path.suffix in (".md", ".toml", ".txt", ".cff", ".json")}
-    names = {path.relative_to(ROOT).as_posix() for path in wanted if path.is_file() and path.suffix != ".pyc"}
+    names = {path.relative_to(ROOT).as_posix() for path in wanted if path.is_file() and "__pycache__" not in path.parts}
     assert names <= held
 
 
