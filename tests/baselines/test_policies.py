@@ -184,6 +184,7 @@ test_impossible_fuzzy_gains = refused(
     ({"tip_weights": 0.2}, "tip_weights: must have shape"),
     ({"tip_weights": np.array([])}, "number of tip_weights of both links, which must be > 0"),
     ({"modal_slice": slice(1, 4)}, r"modal_slice = slice\(1, 4, None\): .* stop - start = 4"),
+    ({"modal_slice": slice(None, 4)}, "modal_slice = "),
     ({"modal_slice": slice(-5, -1)}, "modal_slice = .* start >= 0"),
     ({"modal_slice": slice(0, 4, 2)}, "modal_slice = "),
     by=lambda options: FLSAC(**{**TWO_MODES, **options}),
