@@ -159,13 +159,10 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
         LQG(TASK, [PLAN], weights=GOOD, noise=QUICK),
         AdaptiveLQG(TASK, [PLAN], payloads=(0.0, 0.3), stiffnesses=(0.8, 1.0)),
     ):
-        plant, state, off = Plant(np.tile(START, (2, 1)), 0.0234, PERIODS, payload_mass=0.3, stiffness=0.8), None, []
-        for _ in range(PERIODS - 1):
-            action, state = controller.predict(plant.observe(), state)
-            plant.step(action)
+        plant, off = Plant(np.tile(START, (2, 1)), 0.0234, PERIODS, payload_mass=0.3, stiffness=0.8), []
+        for _, state in plant.driven(controller, PERIODS - 1):  # noqa: B007
             off.append(ARM.tip(plant.states[:, :4]) - ARM.tip(PLAN.states[plant.period, :4]))
         errors.append(np.sqrt(np.mean(np.sum(np.square(off[80:]), axis=-1))))
-    assert state is not None
     beliefs, believed = Beliefs(*state[:4]), (np.arange(2), state[-2])
     estimate, late = beliefs.estimate[believed], beliefs.late[believed]
     assert estimate[:, SIZE] == pytest.approx([0.3, 0.3], abs=0.05)

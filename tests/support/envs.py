@@ -26,11 +26,7 @@ OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
 # Blocks that every environment may have, whatever its action mode, and without further sensors.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in OF_FURTHER_SENSORS]
 # Blocks that do not depend on whether what the sensor has is drawn or declared: errors use what is declared.
-WITHOUT_ERRORS = (
-    *(x for x in DEFAULT_OBSERVATION if not x.startswith("sensor_error")),
-    "sensed_position",
-    "reading_age",
-)
+WITHOUT_ERRORS = *(x for x in DEFAULT_OBSERVATION if not x.startswith("sensor_error")), "sensed_position", "reading_age"
 BY_THE_CLOCK = [name for name in TERMS if name not in OF_RACES]  # terms of every reward
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
@@ -186,14 +182,8 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
 }
 # Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
 _CHOICES = (
-    "Carry",
-    "Lab",
-    "Race",
-    "SmoothSquare",
-    "SquareUnknown",
-    "SquareDelayEasy",
-    "SquareDelayMedium",
-    "SquareDelayHard",
+    *("Carry", "Lab", "Race", "SmoothSquare", "SquareUnknown"),
+    *("SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard"),
 )
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
 
@@ -203,10 +193,7 @@ def _options_of(name: str) -> list[dict[str, Any]]:
 
 
 CASES = [
-    (
-        env_id,
-        {name: value for name, value in options.items() if env_id != "FlexArm/Reach-v0" or name not in _NOT_OF_MOVES},
-    )
+    (env_id, {name: value for name, value in options.items() if env_id != REACH or name not in _NOT_OF_MOVES})
     for env_id in IDS
     for options in _options_of(env_id[len("FlexArm/") : -len("-v0")])
 ]
