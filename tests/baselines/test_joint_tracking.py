@@ -43,21 +43,6 @@ def test_the_bending_arms_tip_goes_where_the_rigid_ones_would() -> None:
     assert motion.residual < 0.02 * np.abs(motion.torques).max()
 
 
-def test_its_torques_move_the_tip_along_the_path() -> None:
-    """Open loop, where those of the arm with straight links lose it."""
-    joints = move(1.5)
-    first = round(1.0 / FINE)
-    wanted = rigid_motion(ARM, joints, FINE).states[first : first + 301 : 2]
-    away = []
-    for motion in (flexible_motion(ARM, joints, FINE), rigid_motion(ARM, joints, FINE)):
-        torques = motion.torques[first : first + 301]
-        held = 0.25 * torques[:-2:2] + 0.5 * torques[1:-1:2] + 0.25 * torques[2::2]
-        run = ARM.rollout(np.append(joints[0], np.zeros(2 * ARM.size - 2)), held, limits=(1e3, 1e3))
-        tips = [ARM.tip(states[:, : ARM.size]) for states in (run.states, wanted)]
-        away.append(np.linalg.norm(tips[0] - tips[1], axis=1).max())
-    assert away[0] < 0.2 * away[1]
-
-
 @pytest.fixture(scope="module")
 def tracking() -> JointTracking:
     return JointTracking(TASK)
