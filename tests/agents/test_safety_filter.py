@@ -13,7 +13,7 @@ import pytest
 from flexarm_agents import load_policy
 from flexarm_agents.board.entries import FILTERED
 from flexarm_agents.evaluation.candidates import ENVIRONMENT
-from flexarm_agents.policies.safety_filter import OWN, SHARES, SafetyFilter
+from flexarm_agents.policies.safety_filter import HORIZON, OWN, SHARES, SafetyFilter
 from flexarm_baselines.controller import Seen
 from flexarm_baselines.lqg import AdaptiveLQG
 from flexarm_env.envs.registration import UNKNOWN_PLANT
@@ -144,6 +144,23 @@ def test_a_push_that_loses_the_arm_does_not_behind_the_filter(lap: str) -> None:
         action, memory = behind.predict(observation, memory)
         observation, _, terminated, _, _ = env.step(action)
         assert not terminated
+
+
+def test_what_is_predicted_of_the_backup_is_what_it_does() -> None:
+    """On the default arm: the largest error and bending of each horizon."""
+    env, behind, found = made(), around(Proposes()), []
+    behind.limits = np.zeros(2)
+    observation, info = env.reset(seed=0, options=LAPS["plain"].reset_options())
+    memory, arm = None, behind.plans[0].arm
+    for k in range(600):
+        action, memory = behind.predict(observation, memory)
+        observation, _, _, _, info = env.step(action)
+        bend = arm.tip_deflection(info["state"][: arm.size])
+        told = behind.predicted(np.array([k]), memory[:OWN])[0]
+        found.append((told, info["tip_error"], np.abs(bend).max()))
+    for k in range(200, 600 - HORIZON, 10):
+        real = [max(one[n] for one in found[k : k + HORIZON]) for n in (1, 2)]
+        np.testing.assert_allclose(found[k][0], real, atol=1e-3)
 
 
 def test_no_torque_is_further_from_the_network_than_the_backups() -> None:
