@@ -54,7 +54,6 @@ def _closure(modules: tuple[str, ...], without: frozenset[str]) -> frozenset[str
 
 @cache
 def _imports(name: str) -> tuple[str, ...]:
-    """Return the modules that a module imports anywhere, those that count."""
     tree, folder = _tree(name), _path(name).parent
     package = name if _path(name).name == "__init__.py" else name.rpartition(".")[0]
     return tuple(sorted(one for one in set(_named(tree, package)) if _counts(one, folder)))

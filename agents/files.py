@@ -73,7 +73,6 @@ def json_text(values: Any, levels: int | None = None) -> str:
 
 
 def _lines(value: Any, levels: int, margin: str = "") -> str:
-    """Write JSON with a line for each item of the outer levels."""
     if not levels or not isinstance(value, dict | list) or not value:
         return json.dumps(value, allow_nan=False)
     inner = margin + " "

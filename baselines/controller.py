@@ -113,7 +113,6 @@ class TorqueController(ABC):
             **design: what the controller's constructor takes beside the task.
 
         Raises:
-            TypeError: if it is no FlexArm environment.
             ValueError: if it does not give what the controller reads.
         """
         return cls(Task.of(env), **design)
@@ -147,12 +146,7 @@ class TorqueController(ABC):
         episode_start: Array | None = None,
         deterministic: bool = True,
     ) -> tuple[Float32s, State]:
-        """Choose actions; see `Policy.predict`. Without a state, every arm's episode begins.
-
-        Raises:
-            TypeError: if the observation is a dict.
-            ValueError: if it is neither a vector nor a batch of vectors.
-        """
+        """Choose actions; see `Policy.predict`. Without a state, every arm's episode begins."""
         rows = checked_observation(observation, len(self.task.scale))
         seen = Seen(self.task, np.atleast_2d(rows))
         torque, memory = self.torque(seen, self._memory(seen, state, episode_start))

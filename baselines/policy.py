@@ -49,10 +49,6 @@ def checked_observation(observation: Observation, size: int | None = None) -> Ar
     Args:
         observation: shape ``(k,)`` or ``(n, k)``.
         size: k; None: any.
-
-    Raises:
-        TypeError: it is a dict.
-        ValueError: it has another shape.
     """
     if isinstance(observation, dict):
         raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
@@ -104,10 +100,6 @@ class GainPolicy(ABC):
 
         Returns:
             Actions in [-1, 1], shape ``(1,)`` for one observation, ``(n, 1)`` for a batch, and ``state``.
-
-        Raises:
-            TypeError: the observation is a dict.
-            ValueError: the observation is neither a vector nor a batch of vectors.
         """
         rows = checked_observation(observation).astype(np.float64)
         gains = self.gains(np.atleast_2d(rows))
@@ -116,11 +108,7 @@ class GainPolicy(ABC):
 
 
 def env_attribute(env: Any, name: str) -> Any:
-    """Return an attribute of the environment below all wrappers.
-
-    Raises:
-        TypeError: it has none of this name, so it is no FlexArm environment.
-    """
+    """Return an attribute of the environment below all wrappers."""
     base = env.unwrapped
     if not hasattr(base, name):
         raise TypeError(f"env must be a FlexArm environment, but {shown(base)} has no attribute {name!r}")
@@ -128,12 +116,7 @@ def env_attribute(env: Any, name: str) -> Any:
 
 
 def env_gain_limit(env: Any) -> float:
-    """Return the gain limit of a single or vector environment whose action is the gain.
-
-    Raises:
-        TypeError: it is no FlexArm environment.
-        ValueError: its action is something else than one gain.
-    """
+    """Return the gain limit of a single or vector environment whose action is the gain."""
     limit = float(env_attribute(env, "gain_limit"))
     space = getattr(env.unwrapped, "single_action_space", None) or env.unwrapped.action_space
     if space.shape != (1,):

@@ -210,11 +210,7 @@ def controller_names() -> tuple[str, ...]:
 
 
 def controller(name: str) -> Controller:
-    """Return the entry of a controller.
-
-    Raises:
-        ValueError: for another name.
-    """
+    """Return the entry of a controller."""
     return CONTROLLERS[choice("name", name, controller_names())]
 
 
@@ -225,9 +221,5 @@ def make_controller(name: str, env: Any, **design: Any) -> Policy:
         name: a name of `controller_names`.
         env: a FlexArm environment, single or vector.
         **design: what its class's `for_env` takes beside the environment.
-
-    Raises:
-        TypeError: if it is no FlexArm environment.
-        ValueError: for another name, or an environment that does not give what the controller reads.
     """
     return controller(name).make(env, **design)

@@ -73,7 +73,6 @@ class Task:
             path: the reference by time, in a race; None: the environment's, which is no race.
 
         Raises:
-            TypeError: if it is no FlexArm environment.
             ValueError: if its action is something else, it has no single reference, or its Cartesian blocks are not in
                 the world's frame.
         """

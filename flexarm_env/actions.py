@@ -175,9 +175,6 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
 
     Returns:
         ``limit action``, or where the action -1 stands for 0, `gain_from_action`. Shape of ``action``.
-
-    Raises:
-        ValueError: for another mode, an action that is not finite or not in [-1, 1], or a limit that is not positive.
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return gain_from_action(action, limit)
@@ -194,9 +191,6 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
 
     Returns:
         ``value / limit``, or where the action -1 stands for 0, `action_from_gain`. Shape of ``value``.
-
-    Raises:
-        ValueError: for another mode, a value that is not finite or beyond the limit, or a limit that is not positive.
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return action_from_gain(value, limit)
@@ -212,9 +206,6 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
 
     Returns:
         Gains in [0, gain_limit], dimensionless, shape of ``action``.
-
-    Raises:
-        ValueError: an action is not finite or not in [-1, 1], or the limit is not finite and positive.
     """
     limit = _checked_limit(gain_limit)
     values = _checked_range("action", action, -1.0, 1.0)
@@ -230,9 +221,6 @@ def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float
 
     Returns:
         Actions in [-1, 1], shape of ``gain``.
-
-    Raises:
-        ValueError: a gain is not finite or not in [0, gain_limit], or the limit is not finite and positive.
     """
     limit = _checked_limit(gain_limit)
     values = _checked_range("gain", gain, 0.0, limit)

@@ -26,11 +26,7 @@ class Allowed(Protocol):
         """The allowed values in words, for the documentation."""
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value in its canonical type.
-
-        Raises:
-            TypeError, ValueError: naming the field, its value and what is allowed.
-        """
+        """Return the value in its canonical type."""
 
 
 @dataclass(frozen=True)
@@ -210,12 +206,7 @@ def allowed_of(kind: type, name: str) -> Allowed:
 
 
 def check_fields(instance: Any) -> None:
-    """Check all fields of a frozen dataclass and bring them to their canonical types.
-
-    Raises:
-        TypeError: for a value of the wrong kind.
-        ValueError: for a value that is not allowed.
-    """
+    """Check all fields of a frozen dataclass and bring them to their canonical types."""
     for one in fields(instance):
         checked = one.metadata["allowed"].check(one.metadata["name"] or one.name, getattr(instance, one.name))
         object.__setattr__(instance, one.name, checked)

@@ -33,9 +33,6 @@ class Lap:
 
         Args:
             direction: the environment's option of that name. With "either" the lap is clockwise.
-
-        Raises:
-            ValueError: for another direction.
         """
         if choice("direction", direction, (*DIRECTIONS, EITHER)) == EITHER:
             return self.reset_options() | {"direction": "clockwise"}

@@ -115,12 +115,7 @@ class ArmParameters:
     elbow_housing_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
 
     def __post_init__(self) -> None:
-        """Validate and bring to canonical types.
-
-        Raises:
-            TypeError: for a value of the wrong kind.
-            ValueError: for a value out of range.
-        """
+        """Validate and bring to canonical types."""
         check_fields(self)
         if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
             raise ValueError(
@@ -139,9 +134,6 @@ class ArmParameters:
         Args:
             preset: its name.
             **changes: fields to set otherwise.
-
-        Raises:
-            TypeError, ValueError: for another name, or a bad field.
         """
         fields = PRESETS[choice("preset", preset, tuple(PRESETS))].fields
         return cls(**(dict(fields) | changes))  # type: ignore[arg-type]
@@ -261,7 +253,6 @@ class SensorParameters:
             shoulder_to_elbow: L1 [m].
 
         Raises:
-            TypeError, ValueError: for a bad length.
             ValueError: if the wave speed makes one longer than `MAX_DELAY`.
         """
         root = number("shoulder_to_elbow", shoulder_to_elbow, "m", least=0.0)
@@ -326,12 +317,7 @@ class SquareParameters:
 
 
 def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
-    """Return the arm that an environment's `arm` argument stands for.
-
-    Raises:
-        TypeError: for anything but a name or a mapping.
-        ValueError: for another name, or a field that `ArmParameters` does not have.
-    """
+    """Return the arm that an environment's `arm` argument stands for."""
     if isinstance(arm, ArmParameters):
         return arm
     if isinstance(arm, str):

@@ -29,9 +29,6 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
 
     Returns:
         A function of observation, state and episode start that returns action and state.
-
-    Raises:
-        TypeError: if the policy has none of these forms.
     """
     if inspect.isclass(policy):
         raise TypeError(f"policy = {shown(policy)}: is a class; make a policy of it first")

@@ -61,7 +61,6 @@ def run_policy(
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
 
     Raises:
-        TypeError: if the environment is not a `FlexArmEnv` underneath, or the policy cannot be called so.
         ValueError: if the policy's action 1 means another gain than the environment's, for another lap, or for a lap
             beside options.
     """
@@ -94,7 +93,6 @@ def run_policy(
 
 
 def _start(env: FlexArmEnv | FlexArmVectorEnv, options: dict[str, Any] | None, lap: str | None) -> dict[str, Any]:
-    """Return the options of the reset that begins the episode."""
     if lap is None:
         return {"start": "corner"} if options is None else options
     if options is not None:
@@ -157,7 +155,6 @@ def run_batch(
         others go on.
 
     Raises:
-        TypeError: if the environments are not a `FlexArmVectorEnv`.
         ValueError: for another number of policies, or a lap beside options.
     """
     if not isinstance(envs, FlexArmVectorEnv):
@@ -188,7 +185,6 @@ def run_batch(
 
 
 def _recorded(arm: FlexibleArm, arrays: dict[str, Array], ended: str) -> Trajectory:
-    """Make the record of an episode from its numbers at each instant."""
     measured = arrays.pop("true_tip")  # of another engine's arm no model's state gives it
     return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
 

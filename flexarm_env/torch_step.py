@@ -79,8 +79,6 @@ def step(
         Shape (..., 4 + 4 m).
 
     Raises:
-        TypeError: for a tensor of another kind.
-        ValueError: see `FlexibleArm.step`.
         RuntimeError: where a gradient of a gradient is asked for.
     """
     given = {"payload_mass": payload_mass, "stiffness": stiffness, "damping": damping}

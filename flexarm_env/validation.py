@@ -83,10 +83,6 @@ def number(
 
     Returns:
         The value as a float.
-
-    Raises:
-        TypeError: if it is not a real number (booleans are not).
-        ValueError: if it is not finite or out of range.
     """
     given = _scalar(value)
     real = isinstance(given, Real) and not isinstance(given, bool)
@@ -108,12 +104,7 @@ def number(
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
-    """Check one integer in [least, most].
-
-    Raises:
-        TypeError: if it is not an integer (booleans and floats are not).
-        ValueError: if it is out of range.
-    """
+    """Check one integer in [least, most]."""
     allowed = f"an integer >= {least}" if most is None else f"an integer from {least} to {most}"
     given = _scalar(value)
     if isinstance(given, bool) or not isinstance(given, Integral):
@@ -142,22 +133,14 @@ def pair(
 
 
 def instance(name: str, value: object, allowed: type[Any]) -> None:
-    """Refuse a value of another class.
-
-    Raises:
-        TypeError: naming the parameter, the value and the class.
-    """
+    """Refuse a value of another class."""
     if not isinstance(value, allowed):
         article = "an" if allowed.__name__[0] in "AEIOU" else "a"
         raise TypeError(f"{name} = {shown(value)}: must be {article} {allowed.__name__}")
 
 
 def choice(name: str, value: object, allowed: Iterable[str]) -> str:
-    """Check that a string option is one of the allowed names.
-
-    Raises:
-        ValueError: naming the allowed ones.
-    """
+    """Check that a string option is one of the allowed names."""
     names = list(allowed)
     given = _scalar(value)
     if not isinstance(given, str) or given not in names:
@@ -178,9 +161,6 @@ def finite_array(
 
     Returns:
         A new float64 array, so that the caller's is never changed.
-
-    Raises:
-        ValueError: for another shape, or naming the index of the first entry that is not finite or too large.
     """
     array = real_array(name, value)
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
@@ -200,9 +180,6 @@ def finite_rows(name: str, value: ArrayLike, last: int, most: float = np.inf) ->
 
     Returns:
         A new float64 array.
-
-    Raises:
-        ValueError: for another shape, or naming the index of the first entry that is not finite or too large.
     """
     array = real_array(name, value)
     if array.ndim == 0 or array.shape[-1] != last:
@@ -230,9 +207,6 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
     Returns:
         A new float64 array.
-
-    Raises:
-        ValueError: for anything else.
     """
     try:
         array = np.asarray(value)
@@ -247,11 +221,7 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def listed(name: str, value: object) -> list[Any]:
-    """Check that an option is a list or tuple.
-
-    Raises:
-        TypeError: for anything else.
-    """
+    """Check that an option is a list or tuple."""
     found = entries(value)
     if found is None:
         raise TypeError(f"{name} = {shown(value)}: must be a list or a tuple")
@@ -259,12 +229,7 @@ def listed(name: str, value: object) -> list[Any]:
 
 
 def names(name: str, value: object) -> tuple[str, ...]:
-    """Check that an option is a list of different names.
-
-    Raises:
-        TypeError: for anything else.
-        ValueError: if it is empty or a name comes twice.
-    """
+    """Check that an option is a list of different names."""
     found = listed(name, value)
     if not all(isinstance(entry, str) for entry in found):
         raise TypeError(f"{name} = {shown(value)}: must hold names")
@@ -308,22 +273,14 @@ def nearest_names(name: str, known: Sequence[str]) -> list[str]:
 
 
 def mapping(name: str, value: object) -> dict[str, Any]:
-    """Check that an option is a mapping.
-
-    Raises:
-        TypeError: for anything else.
-    """
+    """Check that an option is a mapping."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{name} = {shown(value)}: must be a mapping of names")
     return dict(value)
 
 
 def flag(name: str, value: object) -> bool:
-    """Check that an option is True or False.
-
-    Raises:
-        TypeError: for anything else.
-    """
+    """Check that an option is True or False."""
     given = _scalar(value)
     if not isinstance(given, bool | np.bool_):
         raise TypeError(f"{name} = {shown(value)}: must be True or False")

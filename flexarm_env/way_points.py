@@ -61,9 +61,6 @@ def sampled(function: Callable[[float], ArrayLike], duration: float, period: flo
 
     Returns:
         Time [s], x, y [m]. Shape (n, 3).
-
-    Raises:
-        ValueError: for a bad duration or period, or what is no point.
     """
     times = _times(number("duration", duration, "s", least=1e-6, most=LARGEST_TIME), period)
     points = np.array([finite_array(f"function({t:g})", function(float(t)), (2,), FARTHEST) for t in times])
@@ -97,6 +94,5 @@ def blended(table: ArrayLike, blend: float, period: float = 0.01) -> Array:
 
 
 def _times(duration: float, period: float) -> Array:
-    """Return evenly spaced times from 0 to a duration."""
     count = int(np.ceil(duration / number("period", period, "s", least=duration / MOST, most=duration) - 1e-9))
     return np.linspace(0.0, duration, count + 1)

@@ -30,9 +30,6 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
         Args:
             env: the batch, whose observations are vectors.
             ages: of the observations, increasing [steps].
-
-        Raises:
-            TypeError, ValueError: for other observations, or bad ages.
         """
         super().__init__(env)
         space = env.single_observation_space

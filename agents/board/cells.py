@@ -62,13 +62,11 @@ class Cell(NamedTuple):
 
 
 def _content_hash(*values: Any) -> str:
-    """Return the hash of plain values."""
     text = "\n".join(json.dumps(one, sort_keys=True, allow_nan=False) for one in values)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _environment(entry: Entry, point: Point) -> dict[str, Any]:
-    """Return the environment and its episodes as plain values."""
     options = point.environment_options(entry.interface)
     task = TASKS[point.task]
     code = _code(task.hosted, task.measure.__module__)

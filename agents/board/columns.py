@@ -89,7 +89,6 @@ class Column:
 
 
 def _grid(least: float, most: float, count: int) -> list[float]:
-    """Return evenly spaced values, as decimal fractions."""
     return [round(least + (most - least) * n / (count - 1), 6) for n in range(count)]
 
 

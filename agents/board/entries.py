@@ -143,7 +143,6 @@ def _modules(policy: Any) -> list[str]:
 
 @lru_cache(maxsize=64)
 def _recipe(entry: Entry) -> Recipe:
-    """Find out how an entry's policy is made."""
     if entry.source in CONTROLLERS:
         listed = CONTROLLERS[entry.source]
         own = interface_of({**listed.options, **entry.options})

@@ -118,7 +118,6 @@ def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -
 
 
 def _one_by_one(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
-    """Run every episode of some points of one task alone."""
     results: list[dict[str, Any]] = []
     for point, one in zip(points, each, strict=True):
         task, candidate = TASKS[point.task], entry.candidate(point.task, fresh=not entry.batched)
@@ -141,7 +140,6 @@ def _hosted(entry: Entry, point: Point) -> Any:
 
 
 def _batch(task: BoardTask, each: Sequence[Settings]) -> FlexArmVectorEnv:
-    """Make a batch in which every environment has its own settings."""
     values = {one.name: [getattr(settings, one.name) for settings in each] for one in fields(Settings)}
     same = {name: found[0] for name, found in values.items() if all(x == found[0] for x in found)}
     own = {name: found for name, found in values.items() if name not in same}
@@ -150,7 +148,6 @@ def _batch(task: BoardTask, each: Sequence[Settings]) -> FlexArmVectorEnv:
 
 
 def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
-    """Return the options of the reset that begins these episodes."""
     laps = [one.lap for one in episodes if one.lap is not None]
     if not laps:
         return {"start": "corner"}

@@ -163,7 +163,6 @@ def axis(name: str, board: Board) -> str:
 
 
 def _points(first: str, heads: Sequence[str], name: str, chosen: Sequence[int], board: Board) -> str:
-    """Write some points of a column for every entry that can do one of them."""
     tasks = board["columns"][name]["tasks"]
     lines = [
         [title(entry), *(point_text(entry["columns"][name]["points"][n], tasks[n], board) for n in chosen)]
@@ -173,7 +172,6 @@ def _points(first: str, heads: Sequence[str], name: str, chosen: Sequence[int], 
 
 
 def _able(lines: Iterable[Sequence[str]]) -> list[Sequence[str]]:
-    """Return the lines of the entries that can do something of a table."""
     return [line for line in lines if {*line[1:]} != {ABSENT}]
 
 
@@ -186,7 +184,6 @@ def robustness(board: Board) -> str:
 
 
 def _range(column: Mapping[str, Any]) -> str:
-    """Write an axis's title and its first and last value."""
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
     least, most = (_number(column["values"][end]) for end in (0, -1))
     return f"{column['title']}, {least} to {most}{unit}"

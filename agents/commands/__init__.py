@@ -51,7 +51,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     name, *more = OLD_VERBS.get(given.verb, [given.verb])
 
     def verb() -> None:
-        """Run the verb that was given."""
         if more:
             now = " ".join(("flexarm", name, *more))
             print(f"flexarm {given.verb} is now `{now}`; the old verb goes with the next release", file=sys.stderr)

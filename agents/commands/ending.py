@@ -79,7 +79,6 @@ def _handled(handler: Handler) -> Iterator[None]:
 
 
 def _handle(handler: Handler) -> dict[signal.Signals, Any]:
-    """Give signals a handler; return what they had before."""
     here = threading.current_thread() is threading.main_thread()
     return {number: signal.signal(number, handler) for number in STOPPING if here and _is_free(number)}
 

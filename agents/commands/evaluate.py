@@ -99,7 +99,6 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def _plant(environment: str, plant: Mapping[str, Any]) -> str:
-    """Return the name of what policies are run on."""
     return environment.partition("/")[2] + (f" with {json.dumps(plant)}" if plant else "")
 
 
@@ -167,7 +166,6 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _candidates(given: argparse.Namespace) -> Iterator[Candidate]:
-    """Yield everything that the command line names."""
     names = [*PAPER] if given.baselines else []
     for name in dict.fromkeys((*names, *(shipped_policies() if given.shipped else ()), *given.policies)):  # each once
         yield from_source(name, given, given.own)

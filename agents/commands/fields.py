@@ -56,7 +56,6 @@ def _shown(value: Any) -> str:
 
 
 def _reading(hint: Any) -> dict[str, Any]:
-    """Return how `add_argument` reads a value of a type."""
     if NoneType in get_args(hint):
         (inner,) = set(get_args(hint)) - {NoneType}
         reading = _reading(inner)

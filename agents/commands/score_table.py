@@ -65,7 +65,6 @@ def spreads_of(scores: Sequence[StandardScore]) -> Spreads:
 
 
 def _errors_of(laps: Sequence[Score]) -> dict[str, Spread]:
-    """Return the spreads of the errors of laps of one kind."""
     return {figure: Spread.of(getattr(lap, figure) for lap in laps) for figure in FIGURES}
 
 
@@ -81,14 +80,12 @@ def _figures(score: Score) -> tuple[str, ...]:
 
 
 def _end(score: Score) -> str:
-    """Say how a lap or a race ended."""
     if score.ended == FINISHED:
         return str(score)
     return "complete" if score.complete else f"ENDED at {score.duration:.2f} s: {score.ended}"
 
 
 def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
-    """Write the row of several laps."""
     early = Counter(lap.ended for lap in laps if not lap.complete)
     reasons = ", ".join(f"{reason} {count}" for reason, count in early.most_common())
     return (

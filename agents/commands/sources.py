@@ -60,12 +60,10 @@ def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace
 
 
 def _is_model(source: str) -> bool:
-    """Return whether POLICY is a model of stable-baselines3."""
     return source.endswith(".zip") and Path(source).is_file()
 
 
 def _is_training(source: str) -> bool:
-    """Return whether POLICY is a training, which has its own environment."""
     is_attribute = ":" in source and not Path(source).exists()
     return not (_is_model(source) or is_attribute or source in controller_names())
 

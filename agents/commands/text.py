@@ -39,7 +39,6 @@ def _prose(text: str, width: int) -> str:
 
 
 def _filled(text: str, width: int, indent: str, first: str = "") -> str:
-    """Wrap a paragraph whose lines after the first one are indented."""
     return textwrap.fill(
         " ".join(text.split()),
         width,

@@ -85,7 +85,6 @@ def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
 
 @contextmanager
 def _printed(logger: logging.Logger) -> Iterator[None]:
-    """Print what is logged, each line at once."""
     handler = logging.StreamHandler(sys.stdout)
     level = logger.level
     logger.addHandler(handler)

@@ -13,7 +13,6 @@ from flexarm_env.validation import choice, integer, listed, mapping, names, numb
 
 
 def _blocks(name: str, value: object) -> tuple[str, ...]:
-    """Check names of blocks of the observation."""
     blocks = tuple(listed(name, value))
     for n, block in enumerate(names(name, blocks) if blocks else ()):
         choice(f"{name}[{n}]", block, BLOCKS)
@@ -73,11 +72,7 @@ class FOPGConfig(RunConfig):
     """Weight of the squared excess over this deflection, as a share of the limit [m]."""
 
     def __post_init__(self) -> None:
-        """Validate, each field and what they are together.
-
-        Raises:
-            TypeError, ValueError: naming the parameter, its value and what is allowed.
-        """
+        """Validate, each field and what they are together."""
         super().__post_init__()
         for one in fields(self) if self.critic_epochs == 0 else ():
             if one.name.startswith("critic_") and one.name != "critic_epochs":

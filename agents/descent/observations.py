@@ -134,7 +134,6 @@ class Observations:
         encoders = np.moveaxis(seen.states[..., self.encoders], -1, 0)
 
         def observed(name: str, count: int = 2) -> Floats:
-            """Return the numbers of a block."""
             return numbers[..., self.blocks[name]] if name in self.blocks else np.zeros((*numbers.shape[:-1], count))
 
         def world(name: str, count: int = 2) -> Floats:

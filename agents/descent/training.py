@@ -58,7 +58,6 @@ class FOPGTraining(Rounds):
         self.learner = self._untrained(self.driver)
 
     def _untrained(self, driver: Driver) -> Learner:
-        """Return untrained networks for a driver's batch."""
         blocks = driver.env.observation_blocks
         own = settings_of(self.config.environment, self.config.options).observation
         return Learner(self.config, Observations(driver.env), max(blocks[name].stop for name in own))
@@ -113,7 +112,6 @@ class FOPGTraining(Rounds):
         self.leading = None if leading is None else Candidate(leading[0], *self._restored(*leading[1]))
 
     def _restored(self, driver: Driver, learned: dict[str, Any]) -> tuple[Driver, Learner]:
-        """Return a driver and its learner, from what a checkpoint has of them."""
         learner = self._untrained(driver)
         learner.restore(learned)
         return driver, learner

@@ -60,7 +60,6 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
 
 
 def _wait_for(jobs: Collection[Future[Any]]) -> None:
-    """Wait until jobs have ended, or a signal comes."""
     with StopSignals() as stop:  # before the line, whose reader may send the other signal at once
         if not all(job.done() for job in jobs):
             sys.stderr.write("\nwaiting until the jobs can be resumed; another signal ends them at once\n")

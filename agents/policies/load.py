@@ -60,7 +60,6 @@ class Trained:
             **options: changed ones, or `render_mode`; those that change observation or action do not fit the policy.
 
         Raises:
-            TypeError, ValueError: for a bad option.
             ValueError: if the environment's observation or action has another size than the policy's.
         """
         env = make_one(self.environment, self.options | options)
@@ -93,7 +92,6 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
 
     Raises:
         FileNotFoundError: if there is none, naming those that are shipped.
-        TypeError: if the source is neither text nor a path.
         ValueError: if the file is not a policy's.
     """
     file = policy_file(source, last)

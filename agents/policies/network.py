@@ -63,11 +63,7 @@ class NetworkPolicy:
     log_std_weights: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check that encoder, layers and head fit together.
-
-        Raises:
-            TypeError, ValueError: naming the part that does not, or a bad activation.
-        """
+        """Check that encoder, layers and head fit together."""
         choice("activation", self.activation, ACTIVATIONS)
         mapping("notes", self.notes)
         for name in ("weights", "biases"):
@@ -122,10 +118,6 @@ class NetworkPolicy:
         Returns:
             Actions in [-1, 1], shape (actions,) or (n, actions), and the state: the encoder's memory, or the given
             state without an encoder.
-
-        Raises:
-            TypeError: the observation is a dict.
-            ValueError: the observation has another shape, or the state is that of another policy.
         """
         x = checked_observation(observation, self.observation_size).astype(np.float32, copy=False)
         if self.encoder is not None:
@@ -207,13 +199,11 @@ Shape = tuple[int, ...]
 
 
 def _layer_names(header: Mapping[str, Any]) -> list[list[str]]:
-    """Return the names of weights and biases in a file."""
     layers = range(integer("layers", header["layers"], 1, MOST_LAYERS))
     return [[f"{part}_{n}" for n in layers] for part in ("weight", "bias")]
 
 
 def _encoder_in(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> type[PastReadings | Lstm | Observer] | None:
-    """Return the kind of encoder that a file has."""
     found = [kind for kind in ENCODERS if kind.is_in(header, arrays)]
     if len(found) > 1:
         raise ValueError(f"{' and '.join(kind.__name__ for kind in found)}: at most one encoder is allowed")

@@ -133,7 +133,6 @@ class Observer(Encoder):
         return made
 
     def _read(self, observations: Array, block: str) -> Floats:
-        """Return a block in its unit."""
         part = self.parts.blocks[block]
         return observations[:, part].astype(np.float64) * self.parts.scale[part]
 

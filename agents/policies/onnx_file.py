@@ -41,7 +41,6 @@ def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
     constants: list[Any] = []
 
     def put(operator: str, *inputs: Any, to: str = "", **attributes: Any) -> str:
-        """Add a node and return the name of its result; inputs are names or arrays."""
         names = []
         for one in inputs:
             if not isinstance(one, str):

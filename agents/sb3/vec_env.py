@@ -57,10 +57,6 @@ class FlexArmVecEnv(VecEnv):
         Args:
             env: made with `autoreset_mode="SameStep"`.
             infos: see the class.
-
-        Raises:
-            TypeError: for another environment.
-            ValueError: for another way of beginning episodes, or a bad `infos`.
         """
         if not isinstance(env, FlexArmVectorEnv):
             raise TypeError(f"env = {shown(env)}: must be a FlexArmVectorEnv, not wrapped")
@@ -82,9 +78,6 @@ class FlexArmVecEnv(VecEnv):
             num_envs: how many.
             infos: see the class.
             **options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
-
-        Raises:
-            TypeError, ValueError: for an unknown id or a bad option.
         """
         choice("infos", infos, INFOS)
         return cls(make_batch(environment, num_envs, options), infos)
@@ -92,11 +85,7 @@ class FlexArmVecEnv(VecEnv):
     # --- running ---------------------------------------------------------------------------------------------------
 
     def reset(self) -> Observations:
-        """Begin an episode in every environment, with what `seed` and `set_options` left for this reset.
-
-        Raises:
-            TypeError, ValueError: for a bad option, or options of another number of environments.
-        """
+        """Begin an episode in every environment, with what `seed` and `set_options` left for this reset."""
         seeds, options = list(self._seeds), list(self._options)
         self._reset_seeds()
         self._reset_options()
@@ -207,10 +196,6 @@ class FlexArmVecEnv(VecEnv):
             *method_args: arguments of the method.
             indices: which environments; None: all.
             **method_kwargs: keyword arguments of the method.
-
-        Raises:
-            AttributeError: for another method.
-            ValueError: for options of some environments only; they share them.
         """
         chosen = [int(i) for i in self._get_indices(indices)]
         if method_name == "set_options":

@@ -11,14 +11,12 @@ from flexarm_env.validation import integer, number, pair, shown
 
 
 def _path(name: str, value: object) -> str:
-    """Check a path that is text."""
     if not isinstance(value, str):
         raise TypeError(f"{name} = {shown(value)}: must be a path as text")
     return value
 
 
 def _counts(name: str, value: object) -> tuple[int, ...]:
-    """Check how many payloads and stiffnesses there are."""
     counts: Any = value
     pair(name, counts, least=2)
     return tuple(integer(f"{name}[{n}]", count, 2) for n, count in enumerate(counts))

@@ -23,7 +23,6 @@ _TUNED: Any = None  # the value of the file, unless another one is given
 
 
 def _policy(name: str, value: object) -> str | None:
-    """Check the name of a policy."""
     if value is not None and (not isinstance(value, str) or not value):
         raise TypeError(f"{name} = {shown(value)}: must be a folder, a file or a name")
     return value
@@ -69,7 +68,6 @@ class RewardConfig(RunConfig):
 
         Raises:
             ModuleNotFoundError: without the package that reads the file, naming the extra.
-            TypeError, ValueError: naming the parameter, its value and what is allowed.
         """
         missing = [name for name in (*names_in_zoo(type(self)), CURRICULUM) if getattr(self, name) is None]
         found = tuned(type(self), check_id(self.environment)) if missing else {}

@@ -81,11 +81,7 @@ class RunConfig:
     """Number of evaluations of each of the two standard laps; more than one where episodes differ."""
 
     def __post_init__(self) -> None:
-        """Validate; lists (as JSON has them) become tuples.
-
-        Raises:
-            TypeError, ValueError: naming the parameter, its value and what is allowed.
-        """
+        """Validate; lists (as JSON has them) become tuples."""
         check_fields(self)
         options = check_options(self.environment, self.options)
         whole = check_options(self.environment, {**self.options, **self.curriculum_options})
@@ -106,12 +102,7 @@ class RunConfig:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
-        """Make a configuration from the values of `plain`, of this version or an earlier one.
-
-        Raises:
-            TypeError: for an unknown name, with the nearest known one.
-            ValueError: for a bad value.
-        """
+        """Make a configuration from the values of `plain`, of this version or an earlier one."""
         own = {_FORMER.get(name, name): value for name, value in values.items()}
         for name in own.keys() & {"options", "curriculum_options"}:
             own[name] = present_names(mapping(name, own[name]), of_file=True)
@@ -161,9 +152,6 @@ def config_of(algorithm: str = "ppo", **values: Any) -> Any:
     Args:
         algorithm: a name in `ALGORITHMS`.
         **values: fields of its configuration; the others have their defaults.
-
-    Raises:
-        TypeError, ValueError: for an unknown field or a bad value.
     """
     kind, values = config_class(algorithm), {_FORMER.get(name, name): value for name, value in values.items()}
     known_names(kind.__name__, values, [one.name for one in fields(kind)])

@@ -72,7 +72,6 @@ def _arguments(text: str) -> Values:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Turn a value of a file into that of a field."""
     if name == "learning_rate":
         return float(value.removeprefix("lin_"))
     if name == "temperature":

@@ -206,7 +206,6 @@ class TrainingLoop:
             raise TrainingStopped(signal, training.steps)
 
     def _attend(self, last: bool) -> None:
-        """Evaluate and save where it is due, and show the progress."""
         training, found = self._training, self._training.progress
         found.seconds = self._before + time.perf_counter() - self._began
         if self._bar is not None:
@@ -255,5 +254,4 @@ class TrainingLoop:
 
 
 def _after(steps: int, every: int) -> int:
-    """Return the next multiple."""
     return (steps // every + 1) * every

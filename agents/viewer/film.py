@@ -66,14 +66,12 @@ def check_output(path: Path, fps: int, time: float | None) -> str:
 
 
 def _pillow() -> Any:
-    """Import what writes .gif files."""
     with needs_extra("gif", "video"):
         from PIL import Image
     return Image
 
 
 def _ffmpeg() -> Any:
-    """Import what writes .mp4 files."""
     with needs_extra("mp4", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
     return FFMPEG_VideoWriter

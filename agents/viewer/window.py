@@ -157,7 +157,6 @@ class Viewer:
         pygame.draw.aacircle(self._surface, PAPER, (x, slider.y), KNOB // 2)
 
     def _draw_chart(self) -> None:
-        """Draw the tip's error over the last seconds."""
         errors = np.nan_to_num(np.array(self.live.errors), posinf=1e3)
         top, bottom = max(CHART_LEAST, float(errors.max())), CHART_TOP + CHART_HEIGHT
         self._write("distance of the tip from the reference", LEFT, CHART_TOP - 26, SMALL_SIZE)

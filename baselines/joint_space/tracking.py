@@ -258,7 +258,6 @@ class JointTracking(TorqueController):
         return [(FlexibleArm(replace(task.arm, payload_mass=float(one))), now == one) for one in np.unique(now)]
 
     def _motion(self, arm: FlexibleArm, joints: Floats) -> FlexibleMotion:
-        """Return the motion of an arm with its feed-forward."""
         if self.feedforward == "flexible":
             return flexible_motion(arm, joints, FINE)
         rigid = rigid_motion(arm, joints, FINE)

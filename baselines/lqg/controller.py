@@ -76,9 +76,6 @@ class LQG(PlanController):
             feed_forward: the plan's torques act; else feedback alone keeps the arm near the plan.
             integral: integral of the late tip's deviation that weighs as much as the deviations of the weights do
                 [m s]; None: no integral action.
-
-        Raises:
-            ValueError: naming what does not fit.
         """
         super().__init__(task, plans)
         arm = FlexibleArm(task.arm) if model is None else model

@@ -44,9 +44,6 @@ def learned(plan: Plan, lap: Lap, target: Floats, weights: RegulatorWeights = LE
         lap: what the arm did.
         target: where the tip should have been [m]. Shape (n + 1, 2).
         weights: what an error is worth in torques.
-
-    Raises:
-        ValueError: for arrays that do not fit the plan.
     """
     count, size = plan.torques.shape[0], plan.states.shape[1]
     for name, shape in (("states", (count + 1, size)), ("torques", (count, 2)), ("tip", (count + 1, 2))):

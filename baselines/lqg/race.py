@@ -74,9 +74,5 @@ class RaceLQG(LQG):
 
 
 def race_plan(name: str = "default") -> Plan:
-    """Load a plan of a race that comes with the package.
-
-    Raises:
-        ValueError: for another name.
-    """
+    """Load a plan of a race that comes with the package."""
     return Plan.load(RACES / f"{choice('name', name, sorted(path.stem for path in RACES.glob('*.npz')))}.npz")

@@ -114,9 +114,6 @@ class KalmanFilter:
                 with the standard deviation of each at the start.
             drift: how far the estimated quantities may wander in a second, as a share of that deviation, one for all
                 or by name. It keeps the filter from settling on what it found while it was far off.
-
-        Raises:
-            ValueError: naming what does not fit.
         """
         self.arm, self.noise = arm, noise or NoiseModel()
         self.period = number("period", period, "s", above=0.0)

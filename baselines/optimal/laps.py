@@ -95,7 +95,6 @@ def plan_lap(
         The best plan found; `notes["starts"]` has the cost that each start came to in its trial, None if it diverged.
 
     Raises:
-        ValueError: for bad input.
         DivergingStartError: if all starts diverge.
     """
     problem = lap_problem(arm, lap, **changes)

@@ -53,12 +53,7 @@ class Plan:
     payloads: Floats | None = None
 
     def __post_init__(self) -> None:
-        """Check that all fit together.
-
-        Raises:
-            TypeError: for a value of the wrong kind.
-            ValueError: for a shape that does not fit, or a number out of range.
-        """
+        """Check that all fit together."""
         instance("parameters", self.parameters, ArmParameters)
         mapping("notes", self.notes)
         put = object.__setattr__
@@ -212,9 +207,5 @@ def plan_task(name: str) -> tuple[ArmParameters, tuple[float, float], float, Flo
 
 
 def load_plan(name: str) -> Plan:
-    """Load a plan that comes with the package, by its name, e.g. "default_swing".
-
-    Raises:
-        ValueError: for another name.
-    """
+    """Load a plan that comes with the package, by its name, e.g. "default_swing"."""
     return Plan.load(PLANS / f"{choice('name', name, plan_names())}.npz")

@@ -86,12 +86,7 @@ class TrackingProblem:
     weights: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Check all; arrays are copied.
-
-        Raises:
-            TypeError: for a value of the wrong kind.
-            ValueError: for a shape that does not fit, or a number out of range.
-        """
+        """Check all; arrays are copied."""
         instance("arm", self.arm, FlexibleArm)
         if self.residuals is not None and not callable(self.residuals):
             raise TypeError(f"residuals = {shown(self.residuals)}: must be a function of state and time, or None")

@@ -110,7 +110,6 @@ def optimise(
         progress: called after each iteration.
 
     Raises:
-        ValueError: if torques have another shape.
         DivergingStartError: if the start diverges.
     """
     options = SolverOptions() if options is None else options

@@ -54,9 +54,6 @@ def joint_path(problem: TrackingProblem, branches: Sequence[Branch]) -> Floats:
     Args:
         problem: with the reference.
         branches: in the order of time; the first counts from the start on.
-
-    Raises:
-        ValueError: for no branch, times that do not increase, or an unknown side.
     """
     if not branches:
         raise ValueError("branches: must hold one at least")

@@ -48,7 +48,6 @@ def sweep(
         model = model._replace(curvature=np.zeros((*leading, 1, n + 2, n + 2)))
 
     def runs(table: Floats) -> Floats:
-        """Put the runs on one axis before the last ones."""
         return np.ascontiguousarray(table).reshape(-1, *table.shape[len(leading) :])
 
     tables = {name: runs(table) for name, table in model._asdict().items() if name != "weights"}

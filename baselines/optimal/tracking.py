@@ -31,10 +31,6 @@ class PlanRegulator:
             plan: the plan.
             weights: see `RegulatorWeights`.
             model: arm that is linearised along the plan; None: the plan's.
-
-        Raises:
-            TypeError: for a value of the wrong kind.
-            ValueError: for a model with another number of modes than the plan's arm.
         """
         instance("plan", plan, Plan)
         instance("weights", weights, RegulatorWeights)

@@ -40,7 +40,6 @@ class FLSAC(GainPolicy):
         gain_limit: gain that the action 1 stands for in the environment, dimensionless.
 
     Raises:
-        TypeError: a number or the slice is of another type.
         ValueError: a value is not finite or out of range, the slice does not hold 2 m coordinates, K_s as
             output scale leads past the gain limit, or K_s as width scale leaves gaps between the sets.
     """
@@ -85,7 +84,6 @@ class FLSAC(GainPolicy):
             **options: K_n, K_s, scale.
 
         Raises:
-            TypeError: it is no FlexArm environment.
             ValueError: its action is not one gain, its observation lacks the modal coordinates, or an option
                 does not fit (see the class).
         """
@@ -105,9 +103,6 @@ class FLSAC(GainPolicy):
 
         Returns:
             delta_1, delta_2, dimensionless, shape ``(n, 2)``.
-
-        Raises:
-            ValueError: the observations are too short to hold the modal coordinates.
         """
         if observations.shape[1] < self.modal_slice.stop:
             raise ValueError(
@@ -117,11 +112,7 @@ class FLSAC(GainPolicy):
         return np.asarray((modal * self.tip_weights).sum(axis=2) / REFERENCE_DEFLECTION)
 
     def gains(self, observations: Floats) -> Floats:
-        """Infer the gains; see `GainPolicy.gains`.
-
-        Raises:
-            ValueError: a modal coordinate is not finite, or there are too few.
-        """
+        """Infer the gains; see `GainPolicy.gains`."""
         inferred = self.system.evaluate(self.K_n * self.deflections(observations))
         # K_s may put the largest centroid exactly at the limit: rounding must not carry it past.
         return np.minimum(self._output_scale * inferred, self.gain_limit)

@@ -33,7 +33,6 @@ class MamdaniSystem:
             "IF input 0 is set i AND input 1 is set j ... THEN output is ...".
 
     Raises:
-        TypeError: the table does not hold integers.
         ValueError: no input, an uncovered input value, a table of the wrong shape, an index that names no
             output set, output sets out of order or without an area in the output's universe.
     """
@@ -70,9 +69,6 @@ class MamdaniSystem:
 
         Returns:
             Centroids, shape ``(...)``, in the output's unit. A row's bits do not depend on the other rows.
-
-        Raises:
-            ValueError: the last axis does not hold one value per input, or a value is not finite.
         """
         x = np.asarray(inputs, dtype=np.float64)
         if x.ndim == 0 or x.shape[-1] != len(self.inputs):
@@ -117,7 +113,6 @@ def paper_system(width_scale: float = 1.0) -> MamdaniSystem:
         A system with inputs delta1, delta2 in [-5, 5] and output lambda in [1/6, 5/6] (all dimensionless).
 
     Raises:
-        TypeError: ``width_scale`` is not a number.
         ValueError: it is not finite, or not above 0.5, where neighbouring sets cease to overlap.
     """
     half = 5.0 * number("width_scale", width_scale, above=0.5)

@@ -27,10 +27,6 @@ class TriangularSet:
         left: where membership starts, in the variable's unit.
         peak: where membership is 1.
         right: where membership ends.
-
-    Raises:
-        TypeError: a corner is not a number.
-        ValueError: a corner is not finite, or not left <= peak <= right with left < right.
     """
 
     left: float
@@ -58,9 +54,6 @@ class FuzzyVariable:
         name: what errors call the variable.
         universe: (low, high), in the variable's unit.
         sets: at least one set.
-
-    Raises:
-        ValueError: the universe is not a finite interval, or there is no set.
     """
 
     name: str
@@ -96,11 +89,7 @@ class FuzzyVariable:
                 )
 
     def check_order(self) -> None:
-        """Check that the sets are listed from left to right, so that one sweep finds their union.
-
-        Raises:
-            ValueError: left or peak steps back from one set to the next.
-        """
+        """Check that the sets are listed from left to right, so that one sweep finds their union."""
         for corner, values in zip(("left", "peak"), self.corners[:, :2].T, strict=True):
             if np.any(np.diff(values) < 0.0):
                 raise ValueError(f"{corner} of {self.name}'s sets = {values.tolist()}: must not step back")

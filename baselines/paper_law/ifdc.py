@@ -23,10 +23,6 @@ class IFDC(GainPolicy):
     Attributes:
         gain: lambda, dimensionless, in [0, gain_limit].
         gain_limit: gain that the action 1 stands for in the environment, dimensionless.
-
-    Raises:
-        TypeError: one of them is not a number.
-        ValueError: one of them is not finite or out of range.
     """
 
     gain: float = 1.0
@@ -50,7 +46,6 @@ class IFDC(GainPolicy):
             gain: lambda, dimensionless, up to the environment's gain limit.
 
         Raises:
-            TypeError: it is no FlexArm environment.
             ValueError: its action is not one gain, or the gain is out of range.
         """
         return cls(gain=gain, gain_limit=env_gain_limit(env))

@@ -79,9 +79,6 @@ class PredictiveController(PlanController):
             damping: see `RealTimeIteration`.
             step: step of the model's integration [s].
             deflection_limit: of the links' tips off their root tangents, a soft constraint [m].
-
-        Raises:
-            ValueError: naming what does not fit.
         """
         if task.payloads is not None:
             raise ValueError("env: payload_changes: the model that predicts has one payload throughout")

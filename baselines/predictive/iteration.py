@@ -179,7 +179,6 @@ class RealTimeIteration:
         )
 
     def _sweep(self, prediction: Rollout, now: Instant, ahead: _Ahead, beyond: CostToGo) -> Sweep:
-        """Sweep backward through the predictions."""
         states, torques = prediction
         of_periods = {name: value[:, None] for name, value in now.quantities.items()}
         moved = self.model.step_jacobians(states[:, :-1], torques, self.period, step=self.step, **of_periods)

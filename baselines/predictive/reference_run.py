@@ -100,7 +100,6 @@ class ReferenceRun:
 
 
 def _swept(problem: TrackingProblem, plan: Plan) -> Sweep:
-    """Sweep backward along a plan, which need not follow the problem's arm."""
     found = problem.arm.step_jacobians(plan.states[:-1], plan.torques, problem.period, step=problem.step)
     torques, defects = problem.with_torque_before(plan.torques), found.state - plan.states[1:]
     model = Model(found.by_state, found.by_torque, *problem.expand(plan.states), torques, defects)
@@ -108,7 +107,6 @@ def _swept(problem: TrackingProblem, plan: Plan) -> Sweep:
 
 
 def _faded(table: Floats, more: int) -> Floats:
-    """Append zeros."""
     return np.concatenate([table, np.zeros((more, *table.shape[1:]))])
 
 

@@ -60,10 +60,6 @@ def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> 
         count: how many real and how many imaginary ones, 1 to 20. There are fewer where the next has kappa L or k L
             above 1000: real ones of a point nearer to the root than about ``count L / 300``, imaginary ones of a
             point as near to the tip, and at the tip itself there are no imaginary ones.
-
-    Raises:
-        TypeError: if the arm is none, or for a number of the wrong kind.
-        ValueError: for a point off the link, or another number out of range.
     """
     instance("arm", arm, FlexibleArm)
     integer("link", link, 1, 2)

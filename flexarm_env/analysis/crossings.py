@@ -65,10 +65,6 @@ def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
     Args:
         loop: the loop; its own delay plays no part, the ratio of its delays does.
         longest: [s]. The number of crossings grows with it: each comes again after 2 pi / omega.
-
-    Raises:
-        TypeError: for anything but a loop and a number.
-        ValueError: for a delay that is not > 0.
     """
     instance("loop", loop, LawLoop)
     number("longest", longest, "s", above=0.0)
@@ -79,11 +75,7 @@ def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
 
 
 def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
-    """Find every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor.
-
-    Raises:
-        TypeError: for anything but a loop.
-    """
+    """Find every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor."""
     instance("loop", loop, LawLoop)
     omega = frequencies(loop)
     roots = _paired(_gain_roots(loop, omega))

@@ -46,10 +46,6 @@ def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
     Args:
         loop: the loop.
         nodes: number of nodes of the history; it resolves a root s if ``|s|`` times the longer delay is well below it.
-
-    Raises:
-        TypeError: for anything but a loop and an integer.
-        ValueError: for fewer than 2 nodes.
     """
     instance("loop", loop, LawLoop)
     integer("nodes", nodes, 2)

@@ -53,7 +53,6 @@ def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
         omega: [rad/s], none of them a pole's. Shape (k,).
 
     Raises:
-        TypeError: for anything but a plant.
         ValueError: for numbers that are not finite, or a pole's: of the resting arm 0, with the operating point.
     """
     instance("plant", plant, Plant)
@@ -71,9 +70,6 @@ def bode(plant: Plant, omega: ArrayLike | None = None) -> tuple[FrequencyRespons
 
     Returns:
         The response; the `matplotlib.figure.Figure`, None where matplotlib is not installed.
-
-    Raises:
-        TypeError, ValueError: for other frequencies, or another plant.
     """
     instance("plant", plant, Plant)
     if omega is None:

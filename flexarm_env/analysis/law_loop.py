@@ -168,7 +168,6 @@ def law_loop(
         elbow_branch: "positive" or "negative" theta2.
 
     Raises:
-        TypeError: for an argument of another class.
         ValueError: for bad numbers, a sensor off the link, a reference inside the hole that the sensed point cannot
             reach into, or an elbow's reading that is late while the shoulder's is not.
     """
@@ -217,9 +216,6 @@ def rest_angles(arm: FlexibleArm, reference: ArrayLike, distance: float, elbow_b
 
     Returns:
         theta1, theta2 [rad], Shape (2,), and the error left [m], Shape (2,).
-
-    Raises:
-        ValueError: for a reference nearer to the shoulder than the point can come, with both.
     """
     target = finite_array("reference", reference, (2,))
     length = arm.parameters.link_lengths[0]

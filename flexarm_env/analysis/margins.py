@@ -67,11 +67,7 @@ class GainInterval:
 
 
 def delay_margin(loop: LawLoop) -> DelayMargin:
-    """Find the smallest delay that destabilises the loop; only the ratio of the loop's own delays matters.
-
-    Raises:
-        TypeError: for anything but a loop.
-    """
+    """Find the smallest delay that destabilises the loop; only the ratio of the loop's own delays matters."""
     instance("loop", loop, LawLoop)
     if not any(np.any(term.P) for term in loop.terms) or np.any(loop.undelayed_poles().real >= 0.0):
         return DelayMargin(0.0, np.nan)
@@ -112,9 +108,6 @@ def stable_gains(loop: LawLoop) -> list[GainInterval]:
 
     Roots that cross to the right count +1, to the left -1; only the intervals with the smallest count can be stable,
     and one of them is checked for all.
-
-    Raises:
-        TypeError: for anything but a loop.
     """
     crossings = crossing_gains(loop)
     counts = np.concatenate([[0], np.cumsum([_direction(loop, crossing) for crossing in crossings])])
@@ -130,7 +123,6 @@ def stable_gains(loop: LawLoop) -> list[GainInterval]:
 
 
 def _inside(interval: GainInterval) -> float:
-    """Check a gain."""
     if not np.isfinite(interval.high):
         return 2.0 * interval.low if interval.low > 0.0 else 1.0
     return 0.5 * (interval.low + interval.high)

@@ -46,7 +46,6 @@ def natural_modes(point: OperatingPoint, joints: Joints = "free") -> NaturalMode
         joints: "free" or "locked".
 
     Raises:
-        TypeError: for anything but a point.
         ValueError: for another choice, or a point that is no equilibrium, with the configuration.
     """
     instance("point", point, OperatingPoint)

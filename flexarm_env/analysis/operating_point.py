@@ -50,10 +50,6 @@ class OperatingPoint:
             modal: modal coordinates of link 1, then of link 2; None: straight links. Shape (2 m,).
             rates: rates of all coordinates (a spinning arm); None: at rest. Shape (2 + 2 m,).
             torque: [N m]. Shape (2,).
-
-        Raises:
-            TypeError: if the arm is none.
-            ValueError: for another shape, or a number that is not finite.
         """
         instance("arm", arm, FlexibleArm)
         state = np.zeros(2 * arm.size)
@@ -74,7 +70,6 @@ class OperatingPoint:
             elbow_branch: "positive" or "negative" theta2.
 
         Raises:
-            TypeError: if the arm is none.
             ValueError: if the tip cannot reach the point, with the point and the distance by which it misses.
         """
         instance("arm", arm, FlexibleArm)

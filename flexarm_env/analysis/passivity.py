@@ -65,7 +65,6 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
             on the imaginary axis: take a positive one for it.
 
     Raises:
-        TypeError: for anything but a plant.
         ValueError: for a plant that is not square, outputs that are no rates, or bad numbers.
     """
     instance("plant", plant, Plant)
@@ -94,10 +93,6 @@ def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
     Args:
         point: where the arm is.
         sensor: a rigid or true point of link 2.
-
-    Raises:
-        TypeError: for an argument of another class.
-        ValueError: for another sensor.
     """
     instance("point", point, OperatingPoint)
     instance("sensor", sensor, Sensor)

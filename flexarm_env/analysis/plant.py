@@ -83,11 +83,7 @@ class Plant:
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
-        """Select some inputs and outputs by name.
-
-        Raises:
-            ValueError: for a name that the plant does not have.
-        """
+        """Select some inputs and outputs by name."""
         rows = _indices("outputs", self.outputs, outputs)
         columns = _indices("inputs", self.inputs, inputs)
         return replace(
@@ -116,7 +112,6 @@ class Plant:
         """Return the transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
 
         Raises:
-            TypeError: for anything but a number.
             ValueError: for a frequency that is not finite, or that of a pole.
         """
         if isinstance(s, bool) or not isinstance(s, Number):
@@ -135,11 +130,7 @@ class Plant:
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:
-        """Replace the delays by Pade models of an order, diagonal entry (order, order).
-
-        Raises:
-            ValueError: for an order out of 1 to `MAX_PADE`.
-        """
+        """Replace the delays by Pade models of an order, diagonal entry (order, order)."""
         integer("order", order, 1, MAX_PADE)
         blocks = (_pade(float(delay), order) for delay in self.delays)
         late = [block_diag(*part) for part in zip(*blocks, strict=True)]
@@ -193,7 +184,6 @@ def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
             true point of link 2 at its tip", and by the delay where nothing else differs.
 
     Raises:
-        TypeError: for anything but a point and sensors.
         ValueError: for no sensor, one off its link, or one twice.
     """
     instance("point", point, OperatingPoint)
@@ -241,18 +231,13 @@ class Poles:
 
 
 def poles(plant: Plant) -> Poles:
-    """Return the poles; a delay has none, its Pade model has.
-
-    Raises:
-        TypeError: for anything but a plant.
-    """
+    """Return the poles; a delay has none, its Pade model has."""
     instance("plant", plant, Plant)
     values = np.linalg.eigvals(plant.A).astype(complex)
     return Poles(values[np.lexsort((values.imag, np.round(np.abs(values), 6)))])
 
 
 def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Return names of the outputs, each different."""
     for i, sensor in enumerate(sensors):
         if sensor in sensors[:i]:
             raise ValueError(f"sensors: there are two of {sensor!r}; they must differ")
@@ -264,7 +249,6 @@ def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 
 def _each(sensors: Sequence[Sensor]) -> list[Sensor]:
-    """Return one delay for each output."""
     return [sensor for sensor in sensors for _ in sensor.names()]
 
 

@@ -47,12 +47,7 @@ class Sensor:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate.
-
-        Raises:
-            TypeError: for a value of the wrong kind.
-            ValueError: for a value out of range.
-        """
+        """Validate."""
         choice("kind", self.kind, KINDS)
         integer("link", self.link, 1, 2)
         if self.kind == "rigid point" and self.link != 2:
@@ -91,11 +86,7 @@ class Sensor:
         return f"{self.kind} of link {self.link} at " + ("its tip" if self.position is None else f"{self.position:g} m")
 
     def matrix(self, point: OperatingPoint) -> Array:
-        """Return the output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
-
-        Raises:
-            ValueError: if the sensor is off its link.
-        """
+        """Return C, which maps deviations of the state to those of the reading. Shape (outputs, 4 + 4 m)."""
         jacobian = self.jacobian(point, point.q)
         if not self.rate:
             return np.hstack([jacobian, np.zeros_like(jacobian)])

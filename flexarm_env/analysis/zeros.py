@@ -82,7 +82,6 @@ def zeros(plant: Plant) -> Zeros:
         The finite zeros and the number of infinite ones.
 
     Raises:
-        TypeError: for anything but a plant.
         ValueError: for a plant that is not square, or one whose input-output map has lost rank or nearly so: an
             arm that is straight or folded, or a point on link 1, under a Cartesian sensor.
     """
@@ -163,7 +162,6 @@ def zero_directions(plant: Plant, zero: complex) -> ZeroDirections:
         zero: a zero that is no pole [rad/s].
 
     Raises:
-        TypeError: for anything but a plant and a number.
         ValueError: for a number that is not finite, or a pole: where a zero and a pole share a place, as at 0, the
             directions are not defined by the response.
     """

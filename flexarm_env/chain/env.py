@@ -27,9 +27,6 @@ class ChainEnv(FlexArmEnv):
         Args:
             render_mode: "rgb_array", "human" or None.
             **options: fields of `Settings` and of `ChainOptions`.
-
-        Raises:
-            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         known_names(
             type(self).__name__, options, [one.name for kind in (ChainOptions, Settings) for one in fields(kind)]

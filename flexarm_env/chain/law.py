@@ -105,7 +105,6 @@ class TipLaw:
         return np.linalg.solve(self._mass + self._dampers, self._right.T).T
 
     def _rigid(self, theta1: float, theta2: float) -> tuple[Pair, tuple[Pair, Pair]]:
-        """Tip by rigid kinematics (8), (9), and the columns of its Jacobian (13)."""
         length_1, length_2 = self._lengths
         near = length_1 * cos(theta1), length_1 * sin(theta1)
         far = length_2 * cos(theta1 + theta2), length_2 * sin(theta1 + theta2)

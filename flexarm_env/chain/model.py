@@ -54,9 +54,6 @@ def chain_model(segments: int, arm: ArmParameters | None = None, time_step: floa
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
-
-    Raises:
-        ValueError: for less than two segments.
     """
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
 

@@ -72,7 +72,6 @@ class ChainPlant:
         self.chain.set_state(state)
 
     def _take(self, quantities: Mapping[str, Any]) -> None:
-        """Be the chain of an episode with these quantities."""
         settings = self._settings.having({name: x for name, x in quantities.items() if name not in DRAWN})
         own = arm_parameters(settings.arm)
         factor = quantities["stiffness"]

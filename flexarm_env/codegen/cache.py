@@ -77,7 +77,6 @@ def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
     folder = KernelFolder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
 
     def compiled(function: F) -> F:
-        """Compile a function when it is first called."""
         kernel: Any = numba.njit(function)
         keep(kernel, folder)
         return cast(F, kernel)

@@ -145,7 +145,6 @@ class Kernels:
             return f"no {kernel.__name__}"
 
     def _constant(self, function: FunctionType, name: str, value: Any, code: CodeType) -> str:
-        """Describe a global that is no function."""
         if isinstance(value, Names):
             return repr(value.layout(value.shape()))
         if isinstance(value, PresentVariant):
@@ -160,7 +159,6 @@ class Kernels:
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Return the code of a function and of those within it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):

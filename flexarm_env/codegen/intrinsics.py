@@ -19,10 +19,7 @@ TILE = 8  # lanes that are transposed at once
 
 
 def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
-    """Emit the code of `quarter_turns`."""
-
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Emit it, for one lane."""
         turned = VectorWriter(context, builder, 1, {}).quarter_turns(*arguments)
         return context.make_tuple(builder, signature.return_type, turned)
 
@@ -41,11 +38,9 @@ def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
 
 
 def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
-    """Emit the code of `array_at`."""
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Fill in the array's structure."""
         whole = context.make_array(memory)(context, builder, arguments[0])
         array = context.make_array(kind)(context, builder)
         lengths = [builder.extract_value(arguments[2], n) for n in range(len(shape))]
@@ -71,10 +66,7 @@ def array_at(memory: Memory, first: int, shape: tuple[int, ...], dtype: type[Any
 
 
 def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
-    """Emit the code of `write_tile`."""
-
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Eight loads, three rounds of exchanges between two vectors each, eight stores."""
         inputs = context.make_helper(builder, signature.args[0], arguments[0])
         where, scales, output = (
             context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (2, 3, 5)

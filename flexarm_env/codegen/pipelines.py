@@ -68,7 +68,6 @@ class _Settler:
             del self._blocks[label]
 
     def _settle(self, block: Any) -> list[int]:
-        """Settle a block, and return those that follow it."""
         block.body = [one for one in block.body if not isinstance(one, ir.Assign) or self._is_needed(one)]
         last = block.body[-1]
         if isinstance(last, ir.Branch) and last.cond.name in self._numbers:
@@ -94,7 +93,6 @@ class _Settler:
         return True
 
     def _worked_out(self, value: Any) -> Settled | None:
-        """Return what an expression is, if that is settled."""
         if value.op == "getattr" and value.value.name in self._tables:
             found: Settled = getattr(self._tables[value.value.name], value.attr)
             return found
@@ -178,14 +176,12 @@ def compilers(of: Any, taken: Callable[[Any], Any]) -> tuple[type[CompilerBase],
         variant, compiled = of, staticmethod(taken)
 
         def define_pipelines(self) -> list[Any]:
-            """Name the passes."""
             return _passes(typed_passes.NativeLowering)
 
     class PartCompiler(EntryCompiler):
         """Translates a function that only others call."""
 
         def define_pipelines(self) -> list[Any]:
-            """Name the passes."""
             return _passes(_PartLowering)
 
     return EntryCompiler, PartCompiler

@@ -58,14 +58,12 @@ def python_kernel(recording: Recording, lanes: int, fused: Fused | None = None) 
 
 
 def _define(name: str, parameters: Sequence[str], body: Sequence[str], names: dict[str, Any]) -> Callable[..., None]:
-    """Define a function among others."""
     exec(f"def {name}({', '.join(parameters)}):\n" + "".join(f"    {line}\n" for line in body), names)
     defined: Callable[..., None] = names[name]
     return defined
 
 
 def _lines(recording: Recording, texts: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the assignments of inputs that all lanes share, and all others."""
     inputs: list[str] = []
     work: list[str] = []
     for index, operation in enumerate(recording.operations):

@@ -74,7 +74,6 @@ class _Attributes(AttributeTemplate):
 
 
 def _place(builder: Any, kind: Rows, rows: Any, row: Any, lane: Any) -> Any:
-    """Return where a number lies."""
     return builder.gep(rows.data, [builder.add(builder.mul(row, row.type(kind.lanes)), lane)])
 
 
@@ -124,11 +123,9 @@ def _shape(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _lane_rows(typing_context: Any, memory: Any, lanes: Any) -> Any:
-    """Emit the code of `lane_rows`."""
     kind = Rows(lanes.literal_value)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Fill in the structure."""
         array = context.make_array(memory)(context, builder, arguments[0])
         rows = context.make_helper(builder, kind)
         rows.data, rows.rows = array.data, builder.sdiv(array.nitems, array.nitems.type(kind.lanes))

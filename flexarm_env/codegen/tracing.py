@@ -259,7 +259,6 @@ def _called(name: str, count: int) -> Callable[[Callable[..., Any]], Callable[..
     """Decorate a function of numbers and arrays that a record calls by a name."""
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        """Make the function for symbols too."""
         function = _asking(formula)
         _CALLED[function] = name, count
         return function
@@ -284,7 +283,6 @@ def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(formula)
     def function(*arguments: Any) -> Any:
-        """Compute, or ask the symbol."""
         symbol = _asked(arguments)
         return formula(*arguments) if symbol is None else symbol.apply(function, arguments)
 

@@ -30,10 +30,7 @@ def vector_kernel(name: str, lanes: int, recording: Recording) -> Any:
     """
 
     def typed(typing_context: Any, *kinds: Any) -> Any:
-        """Give the signature, and what emits the code."""
-
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            """Emit it."""
             VectorWriter(context, builder, lanes, recording.functions).call_kernel(name, recording, kinds, given)
             return context.get_dummy_value()
 

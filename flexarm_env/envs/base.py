@@ -55,7 +55,6 @@ class FlexArmEnvBase:
             raise AttributeError("episode: none has begun; call reset() first")
 
     def _spaces(self) -> tuple[Any, Any]:
-        """Return the spaces of one environment's observation and action."""
         bound = self.simulator.layout.bound
         observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
@@ -99,9 +98,6 @@ class FlexArmEnvBase:
 
         Args:
             observation: one, or any number of them. Shape (..., k).
-
-        Raises:
-            ValueError: for another shape.
         """
         return _mirrored("observation", observation, self.observation_mirror)
 
@@ -110,9 +106,6 @@ class FlexArmEnvBase:
 
         Args:
             action: one, or any number of them. Shape (..., channels).
-
-        Raises:
-            ValueError: for another shape.
         """
         return _mirrored("action", action, self.action_mirror)
 
@@ -185,11 +178,9 @@ class FlexArmEnvBase:
             self._lasting = requests if asked else None
 
     def _requests(self, options: Mapping[str, Any] | None = None) -> Array:
-        """Return the requests for episodes that begin now."""
         return reset_requests_of(options, self.simulator, self._lasting)
 
     def _chosen(self, caller: str, rows: Sequence[int] | Indices | None) -> Indices:
-        """Return the indices of the environments that a caller asks for."""
         count = len(self.simulator)
         if not self._started:
             raise RuntimeError(f"{caller}() before reset(): there are no states")

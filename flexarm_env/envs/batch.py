@@ -140,7 +140,6 @@ class BatchSimulator(LaneBatch):
         return Lanes(variant, count, slots, header, table, paths, tail, arrays)
 
     def _link(self) -> None:
-        """Make the views of the memory."""
         super()._link()
         self._keys, self._reset_requests = self._view("KEYS"), self._view("RESET_REQUESTS")
         self._own_settings = self._view("LANE_SETTINGS")
@@ -233,11 +232,7 @@ class BatchSimulator(LaneBatch):
         return self._states.read(rows, generators, self._plant_state())
 
     def set_states(self, given: Any, rows: NDArray[np.int64]) -> Words:
-        """Set some environments to states, and return these (`states.States`). Shape (1 or n, k).
-
-        Raises:
-            TypeError, ValueError: for states that cannot be theirs.
-        """
+        """Set some environments to states, and return these (`states.States`). Shape (1 or n, k)."""
         states = self._states.checked(given, len(rows))
         self._set_plant_state(self._states.write(states, rows))
         if self._variant.payloads and self.draws.further:  # what the payload changes follows from them
@@ -299,7 +294,6 @@ class BatchSimulator(LaneBatch):
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _program_of(self, settings: Settings) -> Program:
-        """Program of the kernels."""
         return settings.program
 
     def _arguments(self) -> tuple[Any, ...]:
@@ -311,7 +305,6 @@ class BatchSimulator(LaneBatch):
 
 
 def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
-    """Return the variant of the kernels that these settings need."""
     return Variant(
         **shape_of(settings, program)._asdict(),
         complete=settings.flexible_arm.parameters.velocity_forces == "complete",

@@ -99,7 +99,6 @@ def _state_range(settings: Settings) -> Range:
 
 
 def _blocks_of(sensor: Sensor) -> dict[str, Block]:
-    """Return the blocks of a sensor's reading and of its error, by name."""
     blocks, first = {}, 0
     for part in sensor.parts:
         blocks[part.block] = _block_of(sensor, part, first)

@@ -96,9 +96,6 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
     Args:
         settings: `Settings`.
         declared: default of each option, and the action modes that read it.
-
-    Raises:
-        ValueError: naming the option, its value, and what would give it an effect.
     """
     for name, (default, modes) in declared.items():
         value = getattr(settings, name)
@@ -249,11 +246,7 @@ def checked_previews(name: str, value: Any) -> tuple[float, ...]:
 
 
 def checked_paths(name: str, value: Any) -> tuple[Any, ...]:
-    """Check the kinds of the paths; `own_paths.settled` checks names.
-
-    Raises:
-        TypeError, ValueError: for what is neither a name, a function, nor way-points, alone or in a list.
-    """
+    """Check the kinds of the paths; `own_paths.settled` checks names."""
     if isinstance(value, str) or callable(value):
         return (value,)
     if (several := entries(value)) is None:
@@ -300,11 +293,7 @@ def lap_of(waypoints: Any) -> float | None:
 
 
 def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
-    """Check the weights of the reward's terms.
-
-    Raises:
-        TypeError, ValueError: for an unknown term or a bad weight.
-    """
+    """Check the weights of the reward's terms."""
     weights = {}
     for name, value in mapping(label, reward_weights).items():
         if name not in reward.TERMS:

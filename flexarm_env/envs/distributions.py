@@ -31,9 +31,6 @@ def checked_distribution(label: str, value: Any, allowed: Number) -> tuple[Any, 
         label: for messages.
         value: what the user gave.
         allowed: the number's unit and allowed values.
-
-    Raises:
-        TypeError, ValueError: for anything else than a distribution of allowed values.
     """
     limits: dict[str, Any] = {"unit": allowed.unit, "least": allowed.least, "most": allowed.most}
     parts = entries(value) or [None]

@@ -144,7 +144,6 @@ def _formulas(mode: ActionMode, n: int) -> tuple[str, str, str, str]:
 
 
 def _signs(signs: tuple[int, ...]) -> str:
-    """Write the signs of numbers in the mirrored episode."""
     return ", ".join("+" if sign > 0 else "-" for sign in signs)
 
 

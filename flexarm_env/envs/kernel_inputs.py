@@ -155,12 +155,10 @@ def tail_rows(kinds: Sequence[Settings], hosted: bool) -> int:
 
 
 def _previews(settings: Settings) -> int:
-    """Return the number of horizons that are observed."""
     return len(settings.previews) if "previews" in settings.observation else 0
 
 
 def _whole_numbers(settings: Settings) -> dict[str, int]:
-    """Return words of the header (`entries.Header`), by name."""
     s = settings
     return {
         "SUBSTEPS": s.substeps,
@@ -172,7 +170,6 @@ def _whole_numbers(settings: Settings) -> dict[str, int]:
 
 
 def _numbers(settings: Settings, program: Program) -> Array:
-    """Return the numbers of `entries.Setting`, without its last part."""
     s = settings
     arm = s.flexible_arm
     p = arm.parameters
@@ -218,7 +215,6 @@ def lane_numbers(settings: Settings, program: Program, changes: ConstantChanges 
 
 
 def _base(settings: Settings) -> list[float]:
-    """Return the own value of each quantity of an episode."""
     base = {name: settings.own_value(name) for name in DRAWN}
     if not isinstance(settings.delay, float):
         base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
@@ -257,7 +253,6 @@ def _further_rows(settings: Settings) -> dict[str, Any]:
 
 
 def _motor_rows(settings: Settings) -> dict[str, Any]:
-    """Return the rows of motors that are not ideal."""
     s = settings
     step, units, limited = s.control_period / s.substeps, s.torque_resolution, s.torque_speed_limit is not None
     responses = [response(step / time if time else np.inf) for time in s.motor_time_constant]

@@ -254,11 +254,7 @@ def each_of(name: str, given: Any) -> tuple[Any, ...]:
 
 
 def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[Any, ...]]:
-    """Check what is drawn for each episode: a distribution for each name in `DRAWABLE`, or two for two numbers.
-
-    Raises:
-        TypeError, ValueError: for an unknown name or a bad distribution.
-    """
+    """Check what is drawn for each episode: a distribution for each name in `DRAWABLE`, or two for two numbers."""
     ranges = {}
     for name, given in mapping(label, randomisation).items():
         if name not in DRAWABLE:

@@ -23,11 +23,7 @@ FAR = 1e9  # when the lap of a target ends that the user has moved [s]
 
 
 def settled(settings: Any) -> tuple[tuple[str, ...], Any]:
-    """Return the options `reference`, with a name for each path, and `waypoints`, with tables for functions of time.
-
-    Raises:
-        TypeError, ValueError: for names and paths that do not belong together, or a function's bad value.
-    """
+    """Return the options `reference`, with a name for each path, and `waypoints`, with tables for functions of time."""
     given, reference = settings.waypoints, list(settings.reference)
     own = dict(given) if isinstance(given, Mapping) else {} if given is None else {"waypoints": given}
     for n, one in enumerate(reference):
@@ -178,7 +174,6 @@ def _horizons(settings: Any) -> tuple[float, ...]:
 
 
 def _each(label: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return numbers for each environment."""
     given = real_array(label, value)
     return np.broadcast_to(finite_array(label, given, shape[given.ndim < len(shape) :], FARTHEST), shape)
 

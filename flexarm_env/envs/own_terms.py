@@ -20,9 +20,6 @@ def judge(simulator: BatchSimulator, infos: InfoMaker, results: NDArray[np.float
         infos: makes their infos.
         results: of the step; changed. Shape (N, k).
         begun: environments that began an episode in this step; they have no reward and do not end. Shape (n,).
-
-    Raises:
-        TypeError, ValueError: for what is no number, or truth value, for each environment.
     """
     settings, seen = simulator.settings, results.view()
     seen.flags.writeable = False  # infos show the same memory

@@ -34,9 +34,6 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
             None: all have the same options.
         count: number of environments.
         owner: name of the class that received the options, for messages.
-
-    Raises:
-        TypeError, ValueError: for a bad argument, naming the option, the environment, the value and what is allowed.
     """
     if per_env is None:
         return Settings.of(options, owner)
@@ -162,7 +159,6 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
 
 
 def _column(name: str, values: Any, count: int) -> list[Any]:
-    """Return the values of one option, one for each environment."""
     if name not in OPTIONS:
         raise ValueError(f"per_env[{shown(name)}]: it is the batch's, or no option; there are {', '.join(OPTIONS)}")
     found = entries(values)

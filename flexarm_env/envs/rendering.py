@@ -88,11 +88,7 @@ class Renderer:
     """
 
     def __init__(self, render_mode: str, size: int = 600, fps: int = 50) -> None:
-        """Check the arguments; pygame is imported and a window is opened by `draw` only.
-
-        Raises:
-            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
-        """
+        """Check the arguments; pygame is imported and a window is opened by `draw` only."""
         self.render_mode = choice("render_mode", render_mode, RENDER_MODES)
         self.size = integer("size", size, *SIZE_LIMITS)
         self.fps = integer("fps", fps, 1)
@@ -135,7 +131,6 @@ class Renderer:
         self.dismissed = False
 
     def _show(self, pygame: Any, picture: Any) -> None:
-        """Put a picture into the window."""
         if self._window is None or not self._window.alive:
             self._window = Window(pygame, (self.size, self.size))
         self._window.show(picture, self.fps)
@@ -212,8 +207,6 @@ class _Canvas:
 
 
 def _draw_scene(canvas: _Canvas, shot: Snapshot) -> None:
-    """Draw the arm and its task, from the bottom to the top."""
-
     def place(points: Array) -> Array:
         """Convert metres to units; values that are not finite remain so. Shape (..., 2)."""
         clipped = np.clip(points, -FAR * shot.reach, FAR * shot.reach)
@@ -252,7 +245,6 @@ def _draw_trace(canvas: _Canvas, trace: Array, time: float) -> None:
 
 
 def _draw_arm(canvas: _Canvas, hub: Array, links: list[Array]) -> None:
-    """Draw the links with the joints at their roots."""
     for link, color in reversed(list(zip(links, LINKS, strict=True))):
         if np.isfinite(link).all():
             canvas.line(link, LINK_WIDTH + 2.0 * HALO, PAPER)
@@ -266,7 +258,6 @@ def _draw_arm(canvas: _Canvas, hub: Array, links: list[Array]) -> None:
 
 
 def _draw_dashes(canvas: _Canvas, start: Array, end: Array) -> None:
-    """Join two points by a thin dashed line."""
     length = float(np.hypot(*(end - start)))
     if np.isfinite(length) and length > 0.0:
         for begin in np.arange(0.0, length, DASH + GAP):

@@ -45,9 +45,6 @@ def reset_requests_of(
 
     Returns:
         Requests, see `entries.Column`. Shape (N, columns).
-
-    Raises:
-        TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
     asked = mapping("options", {} if options is None else options)
     usual = simulator.usual_requests if lasting is None else lasting
@@ -106,7 +103,6 @@ def _request_parameter(reset_requests: Array, name: str, value: Any, simulator: 
 
 
 def _each(name: str, value: Any, simulator: BatchSimulator) -> list[Any]:
-    """Return one value for each environment."""
     found = entries(value)
     if found is None:
         return [value] * len(simulator)

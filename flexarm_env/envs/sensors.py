@@ -203,11 +203,7 @@ def mounting(settings: Any, sensor: Sensor) -> Mounted:
 
 
 def mounted(settings: Any) -> tuple[Mounted, ...]:
-    """Return the further sensors of an environment.
-
-    Raises:
-        ValueError: for a position off the link.
-    """
+    """Return the further sensors of an environment."""
     arm, found, first = settings.flexible_arm.parameters, [], 0
     for sensor in sorted(FURTHER, key=lambda one: one.quantity != POSITION):  # kernels expect positions first
         link, position, delay = (getattr(settings, f"{sensor.name}_{name}") for name in ("link", "position", "delay"))
@@ -225,11 +221,7 @@ def mounted(settings: Any) -> tuple[Mounted, ...]:
 
 
 def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
-    """Refuse a sensor's position beyond the end of its link.
-
-    Raises:
-        ValueError: naming the option.
-    """
+    """Refuse a sensor's position beyond the end of its link."""
     length = arm.link_lengths[link - 1]
     if position > length:
         raise ValueError(

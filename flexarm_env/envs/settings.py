@@ -60,10 +60,6 @@ class Settings(Options):
         Args:
             options: the arguments.
             owner: name of the class that received them, for messages.
-
-        Raises:
-            TypeError: for an unknown name, with the nearest known one.
-            ValueError: for a bad value.
         """
         options = present_names(options)
         known_names(owner, options, [one.name for one in fields(cls)])

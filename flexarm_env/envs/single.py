@@ -55,9 +55,6 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         Args:
             render_mode: "rgb_array", "human" or None.
             **options: fields of `Settings`.
-
-        Raises:
-            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES)
@@ -111,7 +108,6 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
                 float32, the action space's, are rounded to it. Shape (channels,).
 
         Raises:
-            ValueError: for another shape, or a value that is not finite.
             RuntimeError: before the first reset.
         """
         if not self._started:
@@ -202,7 +198,6 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             self._scene.close()
 
     def _simulator_of(self, settings: Settings) -> BatchSimulator:
-        """Return the arm, and what is around it."""
         return BatchSimulator(settings, 1)
 
     def _check_time_limit(self) -> None:

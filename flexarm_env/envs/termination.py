@@ -29,9 +29,6 @@ def end_reason(code: float) -> str:
 
     Returns:
         A key of `END_CODES`; "none" for 0: the episode goes on, or a time limit truncated it.
-
-    Raises:
-        TypeError, ValueError: if `code` is none of the codes.
     """
     whole = int(code) if isinstance(code, float | np.floating) and float(code).is_integer() else code
     return list(END_CODES)[integer("code", whole, 0, len(ENDS))]

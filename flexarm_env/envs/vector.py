@@ -88,9 +88,6 @@ class FlexArmVectorEnv(
             per_env: options that differ between the environments: a sequence with a value for each environment, by the
                 option's name, one of `flexarm_env.envs.per_env.OPTIONS`.
             **options: fields of `Settings`, for all environments.
-
-        Raises:
-            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         self.num_envs = integer("num_envs", num_envs, 1, MOST)
         limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, MOST)
@@ -155,9 +152,6 @@ class FlexArmVectorEnv(
             seed: environment i is seeded with seed + i, or with entry i of a sequence.
             options: keys of `flexarm_env.envs.reset_options.OPTIONS` with a value for all environments or one for each;
                 and `reset_mask`, the environments that begin an episode. Shape (N,), bool.
-
-        Raises:
-            TypeError, ValueError: for an unknown option or a bad value.
         """
         wanted = mapping("options", {} if options is None else options)
         mask = self._mask(wanted.pop("reset_mask", None))
@@ -178,7 +172,6 @@ class FlexArmVectorEnv(
                 this step are not read. Other types than float32 are converted. Shape (N, channels).
 
         Raises:
-            ValueError: for another shape, or a value that is not finite.
             RuntimeError: before the first reset, or for a finished environment where nothing resets it.
         """
         if not self._started:
@@ -219,7 +212,6 @@ class FlexArmVectorEnv(
             rows: indices of the environments; None: all.
 
         Raises:
-            ValueError: for other indices.
             RuntimeError: before the first reset.
         """
         chosen = self._chosen("get_state", rows)
@@ -323,6 +315,5 @@ class FlexArmVectorEnv(
         return self.simulator.observations[: self.num_envs].copy()
 
     def _remember(self, begun: Indices) -> None:
-        """Add the present instant to the pictures' traces."""
         for i, scene in enumerate(self._scenes):
             (scene.begin if i in begun else scene.add)(self.simulator.result(i))

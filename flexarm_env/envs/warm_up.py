@@ -35,7 +35,6 @@ def warm_up(
         A line for each id and size, which says whether its kernel was compiled or was ready.
 
     Raises:
-        TypeError, ValueError: for bad input: an id of another project, an unknown option.
         OSError: if compiled kernels could not be written to the cache.
     """
     sizes = [integer(f"num_envs[{n}]", size, 1) for n, size in enumerate(listed("num_envs", num_envs))]
@@ -55,7 +54,6 @@ def warm_up(
 
 
 def _simulator(env_id: str, options: dict[str, Any], size: int, threads: int) -> BatchSimulator:
-    """Make an environment, or a batch, and return its arms."""
     env: Any
     if size == 1:
         env = gymnasium.make(env_id, **options)

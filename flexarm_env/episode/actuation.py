@@ -51,7 +51,6 @@ def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRI
     """Register a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:
-        """Register the driver."""
         among[program] = Drive(driver, groups, words)
         return driver
 

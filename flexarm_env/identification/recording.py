@@ -37,11 +37,7 @@ class Recording:
     tip: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check the arrays.
-
-        Raises:
-            ValueError: for a bad one, naming it.
-        """
+        """Check the arrays."""
         number("period", self.period, "s", above=0.0)
         for name in ("torque", *CHANNELS):
             values = getattr(self, name)

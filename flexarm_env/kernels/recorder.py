@@ -139,7 +139,6 @@ def _elementary(formula: Callable[..., Any]) -> Callable[[Variant], Recording]:
     """Return what records an elementary function, with its sums and products fused."""
 
     def record(_: Variant) -> Recording:
-        """Record it; it is the same for all variants."""
         trace, names = Trace(), list(inspect.signature(formula).parameters)
         found = formula(*map(trace.number, names))
         return trace.recording(names, found if isinstance(found, tuple) else (found,))
@@ -151,7 +150,6 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
     """Declare a kernel by its signature and its record; an argument with a default is dropped if nothing reads it."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """Declare the kernel of this signature."""
         parameters = inspect.signature(signature).parameters
 
         def recording(variant: Variant) -> Recording:

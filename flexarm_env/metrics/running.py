@@ -137,9 +137,6 @@ class RunningFigures:
             reference_corners: corners of the reference (`corners`).
             torque_limit: torque limit of shoulder and elbow [N m]; None: none, and no share of time at the limit.
             band: within which the tip has settled [m].
-
-        Raises:
-            ValueError: naming what does not fit.
         """
         self.runs = integer("runs", runs, 1)
         self._limit = None if torque_limit is None else _limits(torque_limit)

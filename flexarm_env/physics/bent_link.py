@@ -168,7 +168,6 @@ def kinetic_gradient(link: Link, q: Vector, rates: Vector, turn: Any) -> list[An
 
 
 def _cubic_times(link: Link, q: Vector) -> list[Any]:
-    """Return P, lower triangle."""
     count = len(link.cubic) // len(q)
     return [dot(link.cubic[pair::count], q) for pair in range(count)]
 

@@ -215,9 +215,6 @@ def rounded(path: ReferencePath, corner_time: float) -> ReferencePath:
     Args:
         path: closed, or open, whose ends then stay as they are.
         corner_time: [s]; at most the time of the shortest side. 0: the path as it is.
-
-    Raises:
-        ValueError: for a time that is longer.
     """
     if corner_time == 0.0:
         return path

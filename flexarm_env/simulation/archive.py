@@ -49,9 +49,6 @@ def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mappi
         version: version of the format.
         head: plain values (JSON).
         arrays: by name; "head" is taken.
-
-    Raises:
-        TypeError, ValueError: if the head is not plain, or longer than `read` accepts.
     """
     text = json.dumps({"format": version, **head})
     if len(text) > LARGEST_HEAD:
@@ -140,7 +137,6 @@ def _members(file: ZipFile, size: int) -> dict[str, ZipInfo]:
 
 
 def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
-    """Take the plain values out of the members."""
     info = members.pop("head")
     entry = _entry(file, info)
     if entry.dtype.kind != "U" or entry.shape or entry.dtype.itemsize > 4 * LARGEST_HEAD:

@@ -131,9 +131,6 @@ class FlexibleArm(FeedbackTorque):
 
         Returns:
             x, y [m]. Shape (..., 2).
-
-        Raises:
-            ValueError: for another link, or s off the link.
         """
         return self._point(self._coordinates("q", q), link, s)[0]
 
@@ -270,9 +267,6 @@ class FlexibleArm(FeedbackTorque):
             state: Shape (n, 4 + 4 m).
             torque: [N m]. Shape (n, 2).
             **signals: further fields of `Trajectory`.
-
-        Raises:
-            ValueError: for arrays of another shape, or none of an instant.
         """
         states = finite_array("state", state, (None, 2 * self.size))
         q, rates = states[:, : self.size], states[:, self.size :]

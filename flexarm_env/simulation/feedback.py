@@ -73,9 +73,6 @@ class FeedbackTorque(HeldTorque):
 
         Returns:
             States and torques, new.
-
-        Raises:
-            ValueError: for bad input.
         """
         tables = self._tables(torques, gains, references, torque_gains)
         before = finite_rows("torque_before", torque_before, 2, LARGEST)
@@ -133,9 +130,6 @@ def _sequences(name: str, value: ArrayLike, count: int | None, last: tuple[int, 
         value: what the user gave.
         count: number of periods; None: any, but one at least.
         last: axes of one period.
-
-    Raises:
-        ValueError: for another shape, or an entry that is not finite.
     """
     array = finite_values(name, value, LARGEST)
     axes = 1 + len(last)

@@ -186,9 +186,6 @@ class HeldTorque(ABC):
             payload_mass: see `step`.
             stiffness: see `step`.
             damping: see `step`.
-
-        Raises:
-            ValueError: see `step`.
         """
         given = finite_rows("weights", weights, 4 * self.parameters.modes_per_link + 4)
         arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping), weights=given.shape[:-1])
@@ -292,7 +289,6 @@ class HeldTorque(ABC):
         return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, program: Program, lanes: int) -> tuple[Entries, Array]:
-        """Load a program's kernels, and allocate their memory."""
         complete, k = self.parameters.velocity_forces == "complete", self.constants
         module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, k.foreshortened, k.dry)
         return module, aligned_zeros(words)
@@ -335,11 +331,6 @@ def _rows(array: Array, leading: tuple[int, ...]) -> Array:
 
 
 def _quantity(name: str, unit: str, value: ArrayLike) -> Array:
-    """Check values of a quantity.
-
-    Raises:
-        ValueError: naming the first that is out of its range.
-    """
     array, (least, most) = real_array(name, value), RANGES[name]
     inside = (array >= least) & (array <= most)
     if not np.all(inside):

@@ -98,12 +98,10 @@ class LaneBatch(ABC):
         return self.count
 
     def _link(self) -> None:
-        """Make views of the memory."""
         self._header, self._arenas, self._histories = (self._view(n) for n in ("HEADER", "ARENAS", "HISTORIES"))
         self._clocks, self._starts, self._paths = (self._view(n) for n in ("CLOCKS", "STARTS", "PATHS"))
 
     def _view(self, name: str) -> NDArray[Any]:
-        """Return an array of the memory."""
         return self._parts[name].view(self._memory)
 
     # --- rows ------------------------------------------------------------------------------------------------------
@@ -145,7 +143,6 @@ class LaneBatch(ABC):
         return getattr(compiler.load(self._variant), entry.__name__)
 
     def _example(self) -> tuple[Any, ...]:
-        """Return arguments of the types that the kernel takes."""
         return self._memory, 0, self._blocks, np.empty((1, 1))
 
     def compile(self) -> Callable[..., Any]:
@@ -153,13 +150,11 @@ class LaneBatch(ABC):
         return cache.compiled_entry(self.dispatcher(), *self._example())
 
     def _prepare(self) -> None:
-        """Compile or load the kernel, unless that is done."""
         if not self._ready:
             self._use(self.compile())
             self._ready = True
 
     def _use(self, kernel: Callable[..., Any]) -> None:
-        """Step by this kernel."""
         self._kernel = kernel
 
     def _run_starts(self) -> Array:

@@ -61,12 +61,7 @@ class Trajectory:
     notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that all arrays cover the same instants, of this arm.
-
-        Raises:
-            TypeError: if the notes are no mapping.
-            ValueError: naming the array that does not fit.
-        """
+        """Check that all arrays cover the same instants, of this arm."""
         instance("parameters", self.parameters, ArmParameters)
         mapping("notes", self.notes)
         for name, array in self.arrays().items():
@@ -116,7 +111,6 @@ class Trajectory:
 
 
 def _plain_parts(head: dict[str, Any]) -> tuple[ArmParameters, dict[str, Any]]:
-    """Read the parameters and notes of a file."""
     return ArmParameters(**mapping("parameters", head["parameters"])), mapping("notes", head["notes"])
 
 
