@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib import import_module
 
 from flexarm_agents.commands import VERBS
-from flexarm_agents.commands.arguments import EXAMPLES, Reader
+from flexarm_agents.commands.arguments import Reader
 from flexarm_agents.commands.train import parser as training
 from flexarm_agents.training.config import ALGORITHMS
 from scripts import train as trainings
@@ -27,7 +27,6 @@ def text() -> str:
         reader = import_module(f"flexarm_agents.commands.{name}").parser()
         parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
         parts.append(algorithms() if verb == "train" else options_table(reader, seen))
-        parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
     reader = parser("python -m scripts.train", trainings.Options())
     return "\n".join((*parts, f"## `{reader.prog}`\n", f"{about(reader)}\n", options_table(reader, seen)))
 

@@ -30,21 +30,9 @@ whose tip should follow a path, and are one class. The ids differ in its options
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
 specification of an id."""
-_SNIPPET = f"""\
-```python
-import gymnasium
-
-env = gymnasium.make("flexarm_env:{NAMESPACE}/Square-v0")
-observation, info = env.reset(seed=0)
-for _ in range(100):
-    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    if terminated or truncated:
-        observation, info = env.reset()
-```"""
 _MAKE = """\
-The part before the colon imports the package, so that this works in spawned processes, too. Options are arguments of
-`make` and `make_vec`: `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`. The version in an id goes up when
-its dynamics, observation or reward changes."""
+`gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
+spawned processes. Options are arguments of `make` and `make_vec`."""
 _START = """\
 The option `start` says how the arm begins an episode. `reset(options={"start": "corner"})` overrides it once, and
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
@@ -104,7 +92,7 @@ def index() -> str:
     """Write the page of what all environments have in common."""
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
-        "Make one": [_SNIPPET, _MAKE],
+        "Make one": [_MAKE],
         "Actions": [f"{texts.ACTION}\n[Action modes](options.md#action-modes) has the quantities and formulas."],
         "Observations": [f"{texts.OBSERVATION}\n[Blocks](options.md#blocks-of-observations) lists them."],
         "Reward and score": [texts.REWARD, doc.reward_table(), texts.SCORE],
@@ -117,7 +105,6 @@ def index() -> str:
         "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
         "Disturbances": [texts.DISTURBANCES],
-        "The race": [texts.RACE],
         "Mirror images": [texts.MIRROR],
     }
     ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]
