@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 from flexarm_baselines.lqg import QUICK
-from flexarm_baselines.observers import NoiseModel
 from flexarm_baselines.optimal import GOOD
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
@@ -17,11 +16,7 @@ from scripts.control.trials import cell, drawn, run_laps
 LQG: dict[str, tuple[str, dict[str, Any]]] = {
     "LQG": ("lqg", {}),
     "delay ignored": ("lqg", {"delay": "ignored"}),
-    "no feed-forward": ("lqg", {"feed_forward": False}),
-    "with integral action": ("lqg", {"integral": 0.02}),
-    "with strain gauges": ("lqg_gauges", {}),
     "quick filter, soft regulator": ("lqg", {"noise": QUICK, "weights": GOOD}),
-    "filter of the true noise": ("lqg", {"noise": NoiseModel(joint_angle=1e-4, joint_rate=0.03, tip=3e-3)}),
     "adaptive LQG": ("lqg_adaptive", {}),
     "true state in place of a filter": ("plan_lqr", {}),
 }

@@ -28,7 +28,7 @@ PICTURES = {
     "columns.png": "Share of laps that each entry loses in each column, and the 90th percentile of its error",
     "pace.png": "Error over the lap time, of a few entries and of the best plans known",
 }
-MOST_ENTRIES = 10  # of an axis's table on the page, the best ones; the data have all
+MOST_ENTRIES = 10  # of a column's table on the page, the best ones; the data have all
 TIMES = "times.json"
 PAGE = "leaderboard.md"
 SHOWN = (PAGE, "field_entries.md", "../README.md")  # pages with its tables
@@ -40,7 +40,7 @@ def update_docs(folder: Path) -> None:
     target.mkdir(parents=True, exist_ok=True)
     tables = kept_tables(folder)
     for name in tables:
-        if name.startswith("axis_"):
+        if name == "nominal" or name.startswith("axis_"):
             tables[name] = "".join(tables[name].splitlines(keepends=True)[: 2 + MOST_ENTRIES])
     for name, text in PICTURES.items():
         tables[f"picture_{Path(name).stem}"] = f"![{text}](figures/leaderboard/{name})\n"

@@ -33,8 +33,6 @@ CONTROLLERS = {
     "plan_lqr": "true state, best plan (`plan_lqr`)",
     "lqg": "`lqg`",
     "lqg_adaptive": "`lqg_adaptive`",
-    "nmpc": "`nmpc`",
-    "nmpc_adaptive": "`nmpc_adaptive`",
 }
 
 

@@ -18,7 +18,7 @@ LIBRARIES = {
     "cleanrl": ("torch", "tyro"),
     "export": ("control", "onnx", "onnxruntime"),
     "minari": ("minari", "h5py"),
-    "off_policy": ("stable_baselines3", "sb3_contrib", "yaml", "optuna"),
+    "off_policy": ("stable_baselines3", "sb3_contrib", "yaml"),
     "rl_zoo3": ("rl_zoo3", "optuna", "requests", "pandas"),
     "rllib": ("ray.rllib",),
     "sbx": ("sbx",),
