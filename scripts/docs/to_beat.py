@@ -78,10 +78,7 @@ def _of_board(wanted: OnBoard) -> str:
     heads = [f"{_title(lap, wanted)} [mm]" for lap in rows[0][1]]
     lines = table(("entry", "is given", "laps lost", *heads), [_line(*one) for one in rows])
     note = f"{wanted.note} " if wanted.note else ""
-    return (
-        f"{note}Distance of the true tip from the target, r.m.s. over the lap / after 2 s, mean of complete laps "
-        f"({BOARD}):\n\n{lines}"
-    )
+    return f"{note}Errors, r.m.s. over the lap / after 2 s, mean of complete laps ({BOARD}):\n\n{lines}"
 
 
 def best(name: str) -> str:
