@@ -24,12 +24,13 @@ from flexarm_baselines.gauged_tracking import GaugedTracking
 from flexarm_baselines.joint_space.disturbance_observer import ObservedTracking
 from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG, HInfinityLQG, InertialLQG, RaceLQG, StampedLQG
-from flexarm_baselines.lqg.race_paced import PacedAdaptiveLQG, PredictiveRace
+from flexarm_baselines.lqg.race_paced import PacedAdaptiveLQG
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
 from flexarm_baselines.predictive import DOUBTFUL, NMPC, SOFT, STAMPED, UNKNOWN, StampedNMPC, StateNMPC
+from flexarm_baselines.race_mpcc import RaceMPCC
 from flexarm_env.validation import choice
 
 
@@ -88,6 +89,7 @@ BAYO = "Bayo, J. Robotic Systems 4, 1987"
 ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
 DAHL = "Dahl & Nielsen, IEEE Trans. Robotics and Automation 6, 1990"
 DIEHL = "Diehl, Bock & Schloeder, SIAM J. Control and Optimization 43, 2005"
+LAM = "Lam, Manzie & Good, CDC 2010; Liniger, Domahidi & Morari, Optimal Control Applications and Methods 36, 2015"
 LJUNG = "Ljung, IEEE Trans. Automatic Control 24, 1979"
 GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
 
@@ -166,10 +168,10 @@ CONTROLLERS: dict[str, Controller] = {
         {"plan": "steady"},
         "FlexArm/Race-v0",
     ),
-    "race_predictive": Controller(
-        PredictiveRace,
-        "as `race_lqg_adaptive`, with the pace whose prediction is the best (progress as the only input)",
-        f"{DAHL}; Lam, Manzie & Good, CDC 2010",
+    "race_mpcc": Controller(
+        RaceMPCC,
+        "model predictive contouring control: as `nmpc_adaptive`, with the progress along the plan as a third input",
+        LAM,
         {"plan": "steady"},
         "FlexArm/Race-v0",
     ),

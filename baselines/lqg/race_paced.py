@@ -2,26 +2,25 @@
 
 Along a timed plan an arm that lags is driven round a corner which it has not reached. Here the plan's instant is a
 state of the controller: it goes on at a *pace*, of which 1 is the plan's own, so that what is left of a deviation lies
-across the path. `PacedLQG` and `PacedAdaptiveLQG` set the pace by the lag of the estimated tip; `PredictiveRace`
-chooses it by predictions.
+across the path. `PacedLQG` and `PacedAdaptiveLQG` set the pace by the lag of the estimated tip.
 
 Sources: Dahl and Nielsen, *Torque-limited path following by online trajectory time scaling*, IEEE Trans. Robotics and
-Automation 6, 1990; Hauser and Hindman, *Maneuver regulation from trajectory tracking*, NOLCOS 1995; Lam, Manzie and
-Good, *Model predictive contouring control*, CDC 2010 (progress as an input of a predictive controller).
+Automation 6, 1990; Hauser and Hindman, *Maneuver regulation from trajectory tracking*, NOLCOS 1995.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.adaptive import AdaptiveLQG
 from flexarm_baselines.lqg.controller import LQG
 from flexarm_baselines.lqg.race import RaceLQG, race_plan
-from flexarm_baselines.lqg.tables import Place
 from flexarm_baselines.observers import SENSORS
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.policy import env_attribute
@@ -29,34 +28,25 @@ from flexarm_baselines.policy import env_attribute
 NEAR = 20  # periods before and after the plan's instant in which the nearest one to the tip is sought
 CLOSER = 0.2  # share of the lag by which the pace changes
 LEAST, MOST = 0.4, 1.2  # paces; a plan that stood still would not begin
-PACES = (0.5, 0.7, 0.85, 1.0, 1.15)
-AHEAD = 15  # periods of a prediction
-ROOM = 0.1  # [m]; predicted distance from which it costs
-PRICE = 400.0  # of its square, in periods of progress [1/m^2]
 
 
-class _Placed(Seen):
+class Placed(Seen):
     """What arms observe, and the instants of their plans. Shape (n,)."""
 
     instants: Floats
 
 
-class PacedLQG(LQG):
-    """`LQG` along the plan of a race whose instant moves at a pace, and with it the reference.
-
-    A memory has, behind that of the controller, the plan's instant in periods, how far the reference is [m], and its
-    speed [m/s]. Shape (n,) each.
+class Paced(PlanController):
+    """A controller of races along a plan whose instant it moves itself, and with it the reference.
 
     Attributes:
         ways: how far the reference is at each instant of the plan [m]. Shape (N + 1,).
-        tips: where the plan has the tip then [m]. Shape (N + 1, 2).
         speed: largest speed of the reference [m/s].
         change: by which it changes at most in a control period [m/s].
     """
 
     blocks: ClassVar[tuple[str, ...]] = SENSORS
     ways: Floats
-    tips: Floats
     speed: float
     change: float
 
@@ -72,20 +62,51 @@ class PacedLQG(LQG):
         Args:
             env: environment that was made with `options()`.
             plan: of the race, or the name of one that comes with the package.
-            **design: see `LQG` or `AdaptiveLQG`.
+            **design: what the constructor takes beside task and plans.
         """
         plan = race_plan(plan) if isinstance(plan, str) else plan
         found: Self = RaceLQG.for_env.__func__(cls, env, plan, **design)  # type: ignore[attr-defined]
         settings = env_attribute(env, "settings")
-        found.ways, found.tips = np.asarray(plan.notes["ways"]), plan.arm.tip(plan.states[:, : plan.arm.size])
+        found.ways = np.asarray(plan.notes["ways"])
         found.speed, found.change = settings.reference_speed, settings.reference_acceleration * plan.period
         return found
 
     def period_of(self, seen: Seen) -> Array:
         """Return the plan's period that is nearest to its instant, 0 at the start. Shape (n,)."""
-        if not isinstance(seen, _Placed):
+        if not isinstance(seen, Placed):
             return np.zeros(len(seen), dtype=np.int64)
         return np.minimum(np.rint(seen.instants), len(self.ways) - 2).astype(np.int64)
+
+    def action(self, seen: Seen, torque: Floats) -> Floats:
+        """Return an action of torques and the speed of the reference as a share of the largest, Shape (n, 3)."""
+        return np.column_stack([super().action(seen, torque[:, :2]), torque[:, 2]])
+
+    def led(self, instants: Floats, way: Floats, speed: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the speed of the reference as a share of the largest, how far it then is [m], and its speed [m/s].
+
+        Args:
+            instants: where the plan is to be next, in control periods. Shape (n,).
+            way: how far the reference is [m]. Shape (n,).
+            speed: of the period that ends [m/s]. Shape (n,).
+        """
+        beyond = np.maximum(instants - (len(self.ways) - 1), 0.0) * (self.ways[-1] - self.ways[-2])
+        wanted = np.interp(instants, np.arange(len(self.ways)), self.ways) + beyond
+        share = ((wanted - way) / (self.task.period * self.speed)).clip(0.0, 1.0).astype(np.float32)
+        speed = np.clip(share * self.speed, speed - self.change, speed + self.change)
+        return share, way + self.task.period * speed, speed
+
+
+class PacedLQG(Paced, LQG):
+    """`LQG` along the plan of a race that waits for the tip.
+
+    A memory has, behind that of the controller, the plan's instant in periods, how far the reference is [m], and its
+    speed [m/s]. Shape (n,) each.
+    """
+
+    @cached_property
+    def tips(self) -> Floats:
+        """Where the plan has the tip at each instant [m]. Shape (N + 1, 2)."""
+        return self._tip(self.plans[0].states)
 
     def start(self, seen: Seen) -> Memory:
         """Begin the plan, with the reference at rest."""
@@ -94,19 +115,12 @@ class PacedLQG(LQG):
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Return torques and the speed of the reference as a share of the largest, Shape (n, 3), and the memory."""
         *own, instants, way, speed = memory
-        placed = _Placed(seen.task, seen.observations)
+        placed = Placed(seen.task, seen.observations)
         placed.instants = instants
         torque, after = super().torque(placed, tuple(own))
         instants = instants + self.pace(instants, way, torque, after)
-        beyond = np.maximum(instants - (len(self.ways) - 1), 0.0) * (self.ways[-1] - self.ways[-2])
-        wanted = np.interp(instants, np.arange(len(self.ways)), self.ways) + beyond
-        share = ((wanted - way) / (self.task.period * self.speed)).clip(0.0, 1.0).astype(np.float32)
-        speed = np.clip(share * self.speed, speed - self.change, speed + self.change)
-        return np.column_stack([torque, share]), (*after, instants, way + self.task.period * speed, speed)
-
-    def action(self, seen: Seen, torque: Floats) -> Floats:
-        """Return an action; see `torque`."""
-        return np.column_stack([super().action(seen, torque[:, :2]), torque[:, 2]])
+        share, way, speed = self.led(instants, way, speed)
+        return np.column_stack([torque, share]), (*after, instants, way, speed)
 
     def expected(self, after: Memory) -> Floats:
         """Return what is believed of the next instant, by a memory of it: z of `FilterTables`. Shape (n, d)."""
@@ -138,35 +152,4 @@ class PacedAdaptiveLQG(PacedLQG, AdaptiveLQG):
 
     def expected(self, after: Memory) -> Floats:
         """Return what the believed filter thinks; see `AdaptiveLQG`."""
-        return self._believed(after, 0)
-
-    def _believed(self, after: Memory, part: int) -> Floats:
-        """Return a part of `Beliefs`, of the filter that drives each arm. Shape (n, ...)."""
-        return after[part][np.arange(len(after[7])), after[7].astype(np.int64)]
-
-
-class PredictiveRace(PacedAdaptiveLQG):
-    """Predictive control whose input is progress: of some paces that with the best prediction is taken.
-
-    The torques are those of `AdaptiveLQG`. Its model of the arm that it believes in, linear about the plan of the
-    nearest node, predicts where feedback within the motors' limits takes the tip at each pace. A pace is worth the
-    progress, less the square of what the tip is further from the reference than `ROOM`.
-    """
-
-    def pace(self, instants: Floats, way: Floats, torque: Floats, after: Memory) -> Floats:
-        """Return the best of `PACES`; see `PacedLQG`."""
-        count, paces = len(instants), np.array(PACES)
-        lanes, steps = np.repeat(np.arange(count), len(paces)), np.tile(paces, count)
-        estimate, before, at = self.expected(after)[lanes], torque[lanes], instants[lanes] + steps
-        late = self._believed(after, 1)[lanes, None] / self.task.period
-        node, path = self._nearest_node(after[4].astype(np.int64)[lanes], estimate), self.plans[0].reference
-        worth = AHEAD * steps
-        for _ in range(AHEAD):
-            period = np.minimum(np.rint(at), len(path) - 2).astype(np.int64)
-            place: Place = (node, period)
-            away = np.linalg.norm(self._tip(estimate) - path[period], axis=1)
-            worth = worth - PRICE * np.maximum(away - ROOM, 0.0) ** 2
-            off = (estimate - self.filter.nominal[place])[:, : self._of_the_arm]
-            now = self.limited(self.regulator.torques(place, off, before, late, off[:, :0]))
-            estimate, before, at = self.filter.predict(place, estimate, before, now, late), now, at + steps
-        return paces[np.argmax(worth.reshape(count, -1), axis=1)]
+        return after[0][np.arange(len(after[7])), after[7].astype(np.int64)]
