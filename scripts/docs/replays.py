@@ -64,7 +64,7 @@ def _kinds() -> dict[str, Kind]:
     found = {name: Kind(ENTRIES, "square", lap.reset_options(), lap.text) for name, lap in LAPS.items()}
     race = "three laps from rest, as fast as possible; each controller moves its own target, within 25 cm of the tip"
     found["race"] = Kind(
-        ("race_lqg", "agent race", "race_predictive", "race_lqg_adaptive"), "race", {"start": "corner"}, race
+        ("race_lqg", "agent race", "race_mpcc", "race_lqg_adaptive"), "race", {"start": "corner"}, race
     )
     start = LAPS["plain"].reset_options() | {"parameters": {"payload_mass": PAYLOAD}}
     carry = f"rests of 2 s at the corners; the tip takes up {PAYLOAD:g} kg in the first and puts them down in the third"

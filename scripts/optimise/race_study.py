@@ -20,19 +20,21 @@ from scripts.common.study import Trial, command, study
 from scripts.optimise.race import Race, steady
 
 ARMS = 32  # for a plan
-ENTRIES = {"race_lqg": 32, "race_lqg_adaptive": 256, "race_predictive": 16}
+ENTRIES = {"race_lqg": 32, "race_lqg_adaptive": 256, "race_mpcc": 32}
 SLOWER = (1.2, 1.3)  # of plans; that of the package is 1.4 times slower
+PRICES = (0.0025, 0.01)  # of `race_mpcc`, whose own lies between
 SEED = 5000  # of the first arm; the board's seeds are hashes
 
 
-def run_races(name: str, arms: int, slower: float | None = None) -> dict[str, Any]:
+def run_races(name: str, arms: int, slower: float | None = None, **design: Any) -> dict[str, Any]:
     """Run an entry on unknown arms, along its own plan or one that is so many times slower than the fastest.
 
     Returns:
         The plan's times and largest error, and for each arm the time of the three laps [s], None for a lost race.
     """
     entry = controller(name)
-    design = {} if slower is None else {"plan": steady(Race(), slower)}
+    if slower is not None:
+        design["plan"] = steady(Race(), slower)
     plan = design.get("plan") or race_plan(entry.design.get("plan", "default"))
     envs = gymnasium.make_vec(f"flexarm_env:{entry.environment}", num_envs=arms, **entry.options | UNKNOWN_PLANT)
     policy = entry.make(envs, **design)
@@ -52,7 +54,8 @@ def run_races(name: str, arms: int, slower: float | None = None) -> dict[str, An
 
 def _trials() -> dict[str, Trial]:
     plans = {f"{slower:g}": partial(run_races, "race_lqg_adaptive", ARMS, slower) for slower in SLOWER}
-    return {**plans, **{name: partial(run_races, name, arms) for name, arms in ENTRIES.items()}}
+    prices = {f"race_mpcc, price {price:g}": partial(run_races, "race_mpcc", ARMS, price=price) for price in PRICES}
+    return {**plans, **{name: partial(run_races, name, arms) for name, arms in ENTRIES.items()}, **prices}
 
 
 def _lost(one: Any) -> int:
@@ -67,7 +70,10 @@ def race_table(results: Any) -> str:
     """Tabulate plans that are slower and slower, and entries along their own."""
     lines = []
     for name, one in results.items():
-        entry = f"`{name}`" if name in ENTRIES else f"`race_lqg_adaptive`, plan {name} times slower"
+        kind, _, price = name.partition(", ")
+        entry = (
+            f"`{kind}`{price and f', {price}'}" if kind in ENTRIES else f"`race_lqg_adaptive`, plan {name} times slower"
+        )
         median = f"{_median(one):.2f}" if np.isfinite(_median(one)) else "lost"
         own = f"{one['plan'][2]:.2f}", f"{1e3 * one['largest_error']:.0f}"
         lines.append([entry, *own, f"{_lost(one)} of {len(one['times'])}", median])
@@ -77,7 +83,7 @@ def race_table(results: Any) -> str:
 def race_picture(results: Any) -> Figure:
     """Draw the share of lost races against the plan's time."""
     figure, axis = plt.subplots(figsize=(WIDTH, 3.2))
-    plans = [one for name, one in results.items() if name not in ENTRIES] + [results["race_lqg_adaptive"]]
+    plans = [results[f"{slower:g}"] for slower in SLOWER] + [results["race_lqg_adaptive"]]
     share = [100.0 * _lost(one) / len(one["times"]) for one in plans]
     axis.plot([one["plan"][2] for one in plans], share, "o-", color=BLUE)
     for one, lost in zip(plans, share, strict=True):

@@ -9,10 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 
+from flexarm_baselines import race_mpcc
 from flexarm_baselines.lqg import race_paced
 from flexarm_baselines.lqg.race import race_plan
-from flexarm_baselines.lqg.race_paced import LEAST, MOST, PACES, PacedAdaptiveLQG, PacedLQG, PredictiveRace
+from flexarm_baselines.lqg.race_paced import LEAST, MOST, Paced, PacedLQG
 from flexarm_baselines.optimal import Plan
+from flexarm_baselines.predictive import Instant
+from flexarm_baselines.race_mpcc import PRICE, Prediction, RaceMPCC
 from flexarm_baselines.registry import controller
 
 PERIODS = 80
@@ -26,7 +29,7 @@ def beginning() -> Plan:
     return Plan(plan.parameters, *arrays, plan.limits, plan.period, plan.step, notes)
 
 
-def race(kind: type[PacedLQG], **parameters: float) -> tuple[Any, Any, list[dict[str, Any]]]:
+def race(kind: type[Paced], **parameters: float) -> tuple[Any, Any, list[dict[str, Any]]]:
     """Run a controller along the beginning of the plan; return it, its last memory, and all infos."""
     drawn = {"randomisation": {name: (value, value) for name, value in parameters.items()}}
     env = gymnasium.make("FlexArm/Race-v0", **kind.options() | drawn)
@@ -70,21 +73,33 @@ def test_the_pace_makes_up_for_the_lag_of_the_tip() -> None:
         np.testing.assert_allclose(found, pace, atol=1e-12)
 
 
-def test_predictions_go_slower_only_where_the_tip_would_leave_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    driver, memory, _ = race(PredictiveRace)
-    *after, instants, way, _ = memory
-    own = instants - 1.0, way, after[5], tuple(after)
-    monkeypatch.setattr(race_paced, "ROOM", 10.0)
-    assert driver.pace(*own) == max(PACES)
-    monkeypatch.setattr(race_paced, "ROOM", 0.0)
-    monkeypatch.setattr(race_paced, "PRICE", 1e9)
-    assert driver.pace(*own) < max(PACES)  # the plan's reference is nearest at the plan's own pace
+def test_contouring_gains_on_the_plan_within_limits_and_a_batch_is_as_one() -> None:
+    """With a price, a prediction ends further along the plan."""
+    _, (way, _, torque, _, _, instants, *_), infos = race(RaceMPCC)
+    assert instants[0, 0] > 1.05 * len(infos)
+    np.testing.assert_allclose(infos[-1]["progress"], way[0], atol=1e-6)
+    assert (np.abs(torque) <= np.array([150.0, 50.0])).all()
+    envs = gymnasium.make_vec("flexarm_env:FlexArm/Race-v0", num_envs=3, **RaceMPCC.options())
+    driver, free = (RaceMPCC.for_env(envs, beginning(), price=price) for price in (PRICE, 0.0))
+    observations, _ = envs.reset(seed=0)
+    together = alone = None
+    for _ in range(5):
+        actions, together = driver.predict(observations, together)
+        one, alone = driver.predict(observations[1], alone)
+        np.testing.assert_allclose(one, actions[1], atol=1e-12)
+        observations, *_ = envs.step(actions)
+    now = Instant(np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64), together[3][:, 0], together[2], {})
+    plain, priced = (one.iteration.contoured(Prediction(*together[3:6]), now).instants for one in (free, driver))
+    assert (priced[:, -1] > plain[:, -1] + 0.1).all()
+    paces = np.diff(priced)
+    assert (paces >= race_mpcc.LEAST).all()
+    assert (paces <= race_mpcc.MOST).all()
 
 
 def test_entries_have_the_steady_plan_and_another_one_is_refused() -> None:
-    for name in ("race_lqg_adaptive", "race_predictive"):
+    for name in ("race_lqg_adaptive", "race_mpcc"):
         assert controller(name).design == {"plan": "steady"}
-        assert issubclass(controller(name).kind, PacedAdaptiveLQG)
+        assert issubclass(controller(name).kind, Paced)
     env = gymnasium.make("FlexArm/Race-v0", **PacedLQG.options())
     shifted = beginning()
     with pytest.raises(ValueError, match="must be a race of the plan's arm"):
