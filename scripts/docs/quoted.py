@@ -54,8 +54,8 @@ def of_reproduction(results: Path) -> dict[str, Any]:
 
     Returns:
         `claims`: how many have a verdict, or how many there are; `over` and `rms`: overshoot and r.m.s. error [m] of a
-        run; `three`: a controller's overshoots by sensing; `swept`: a figure of a sweep's row; `mean_gain`,
-        `bend`: of a run; `modal`: span of IFDC's modal coordinates.
+        run; `three`: a controller's overshoots by sensing; `swept`: a figure of a sweep's row; `mean_gain`:
+        of a run; `modal`: span of IFDC's modal coordinates.
     """
     runs = json.loads((results / "summary.json").read_text())["runs"]
     rows = json.loads((results / "sweeps.json").read_text())
@@ -81,9 +81,6 @@ def of_reproduction(results: Path) -> dict[str, Any]:
     def constant(gain: float, key: str, sensing: str = "collocated") -> str:
         return swept("constant_gain", gain, key, sensing)
 
-    def per_joint(controller: str, key: str) -> str:
-        return swept("alternatives", "command delayed per joint", key, "nmp", controller=controller)
-
     def of_run(key: str) -> Callable[..., str]:
         return lambda name, *place: f"{runs['paper'][name][key][place[0]] if place else runs['paper'][name][key]:.2f}"
 
@@ -95,9 +92,7 @@ def of_reproduction(results: Path) -> dict[str, Any]:
         "three": three,
         "swept": swept,
         "constant": constant,
-        "per_joint": per_joint,
         "mean_gain": of_run("mean_gain"),
         "vibration": of_run("vibration"),
-        "bend": of_run("peak_deflection"),
         "modal": span(modal),
     }

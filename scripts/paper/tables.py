@@ -5,7 +5,6 @@ from typing import Any
 
 from scripts.common.markdown import table
 from scripts.paper.cases import COLUMNS
-from scripts.paper.checks import PRONOUNCED
 from scripts.paper.measures import Workspace
 from scripts.paper.numbers import numbers as printed_numbers
 from scripts.paper.sweep_figures import TIP_SWEEPS
@@ -42,7 +41,6 @@ def everything(
             "verdicts": verdicts(decided),
             "verdicts_one_side": one_side(decided),
             "elbow_claim": elbow_claim(found),
-            "reach_claim": reach_claim(found, Workspace(), PRONOUNCED),
             "claims": claims(decided),
         }
     return texts
@@ -132,25 +130,6 @@ def elbow_claim(found: dict[str, dict[str, dict[str, Any]]]) -> str:
     if counts:
         text += f"\nWith the sensor near the elbow it changes sides {min(counts)} to {max(counts)} times a lap.\n"
     return text
-
-
-def reach_claim(found: dict[str, dict[str, dict[str, Any]]], workspace: Workspace, threshold: float) -> str:
-    """Write what the reach of the arm means for the claim about pronounced overshoots, as a paragraph."""
-    least = min(
-        (h for named in found.values() for name, row in named.items() if _is_ifdc_lap(name, row)
-         for h in row["rigid_overshoot"]),
-        default=float("nan"),
-    )  # fmt: skip
-    return (
-        f"The stretched arm reaches {workspace.reach:g} m. Straight past a corner the rigid tip can move by "
-        f"{workspace.straight_on:.3f} m; the threshold of claim 2 is {threshold:.3f} m.\nIFDC's smallest overshoot on "
-        f"the four arms is {least:.2f} m. The tip must then be at least {workspace.along(least):.2f} m along the next "
-        "side.\n"
-    )
-
-
-def _is_ifdc_lap(name: str, row: dict[str, Any]) -> bool:
-    return name.startswith("ifdc") and name.endswith("_tip") and not row["ended_early"]
 
 
 def ended_early(row: dict[str, Any]) -> str:
