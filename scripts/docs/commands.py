@@ -1,4 +1,4 @@
-"""Write the tables of docs/reference/command_line.md from the parsers of `flexarm` and of `scripts.train`."""
+"""Write the tables of docs/reference/command_line.md from the parsers of `flexarm`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import Reader
 from flexarm_agents.commands.train import parser as training
 from flexarm_agents.training.config import ALGORITHMS
-from scripts import train as trainings
-from scripts.common.command_line import parser, run
+from scripts.common.command_line import run
 from scripts.common.markdown import fill_pages, table
 
 SHARED = 4  # algorithms that have an option which the page explains
@@ -20,15 +19,14 @@ DEFAULT = re.compile(r" \(default: (.*)\)$")
 
 
 def text() -> str:
-    """Write a section for each verb of `flexarm`, and one for `scripts.train`."""
+    """Write a section for each verb of `flexarm`."""
     parts: list[str] = []
     seen: dict[tuple[str, str], str] = {}  # each row, and the command that has it first
     for verb, (name, _) in VERBS.items():
         reader = import_module(f"flexarm_agents.commands.{name}").parser()
         parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
         parts.append(algorithms() if verb == "train" else options_table(reader, seen))
-    reader = parser("python -m scripts.train", trainings.Options())
-    return "\n".join((*parts, f"## `{reader.prog}`\n", f"{about(reader)}\n", options_table(reader, seen)))
+    return "\n".join(parts)
 
 
 def about(reader: Reader) -> str:

@@ -53,6 +53,11 @@ The docstring of `flexarm_env.ArmParameters` explains each parameter. The ranges
 combination that cannot be simulated (masses too far apart for double precision, a mode so fast that a control period
 takes more than 20 000 integration steps) raises an error with the numbers that decide."""
 
+_TERMS = re.compile(r"(\| `reward_\w+` .*\n)+")
+_OF_A_TERM = (
+    "| `reward_...` | each term of the reward times its weight; 0 after a reset | 1 | the term has a weight |\n"
+)
+
 
 @dataclass
 class Options:
@@ -119,7 +124,7 @@ def options_page() -> str:
         "Arms": [_ARMS, doc.preset_table(), _ARM, doc.declared_table(ArmParameters, "parameter")],
         "Action modes": [doc.action_table()],
         "Blocks of observations": [doc.block_table()],
-        "Keys of infos": [doc.info_table()],
+        "Keys of infos": [_TERMS.sub(_OF_A_TERM, doc.info_table())],
         "Options of a reset": ["`reset(options=...)` takes:", doc.option_table()],
     }
     return _assembled("Options", [_OPTIONS], sections)
