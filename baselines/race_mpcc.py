@@ -32,7 +32,7 @@ from flexarm_env.validation import number
 
 ROOM = 0.1  # [m]; distance of the tip from which it costs more
 STEEP = 30.0  # so many times
-PRICE = 0.005  # of a period of progress, as a squared distance during a period [m^2]
+PRICE = 0.0025  # of a period of progress, as a squared distance during a period [m^2]
 EVEN = 1e-3  # likewise, of the square of what the pace is off the plan's own
 LEAST, MOST = 0.1, 2.0  # paces
 

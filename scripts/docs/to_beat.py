@@ -181,13 +181,16 @@ def _smooth() -> str:
 def _race() -> str:
     """Write what the race's plans come to, and who follows them."""
     first, fastest, whole = race_plan().notes["lap_times"]
-    steady = race_plan("steady").notes["lap_times"][2]
+    rows = {row["name"]: row["columns"]["race"]["points"] for row in board()["rows"] if "race" in row["columns"]}
+    known, others = (point["all"] for point in rows["race_mpcc"])
+    unknown = others["three_laps"]
+    agent = rows["agent race"][0]["all"]["three_laps"]
     return f"""\
 The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
-{first:.2f} s for the first lap, {fastest:.2f} s for the fastest, and {whole:.2f} s for all three. On unknown arms it is
-lost at once, since the plan uses the whole 0.25 m. `race_lqg_adaptive` finds out what the arm is, along a plan of
-{steady:.2f} s that leaves a quarter of the torques; the plan waits for the arm, and the
-reference with it ([its figures](../lqg.md#races-on-unknown-arms)).
+{first:.2f} s for the first lap, {fastest:.2f} s for the fastest, and {whole:.2f} s for all three; the agent `race`
+{agent["median"]:.2f} s. On unknown arms both are lost: they use the whole 0.25 m. `race_mpcc`, predictive contouring
+control, needs {known["three_laps"]["median"]:.2f} s, on unknown arms {unknown["least"]:.1f} to {unknown["most"]:.1f} s, and loses
+{others["lost"] or "none"} of {others["episodes"]} ([races on unknown arms](../lqg.md#races-on-unknown-arms)).
 
 ![The fastest lap of the best known race beside the paper's, in real time](../figures/race.webp)"""
 

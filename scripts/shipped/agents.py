@@ -126,8 +126,8 @@ AGENTS: dict[str, Shipped] = {
     "race": Shipped(
         "PPO, a race (`race`)",
         PPOConfig(environment="FlexArm/Race-v0", steps=10_000_000, evaluate_every=500_000),
-        seeds=1,
+        seeds=3,
         drawn=False,
     ),
-    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=1, drawn=False),
+    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=3, drawn=False),
 }
