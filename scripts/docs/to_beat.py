@@ -183,14 +183,15 @@ def _race() -> str:
     first, fastest, whole = race_plan().notes["lap_times"]
     rows = {row["name"]: row["columns"]["race"]["points"] for row in board()["rows"] if "race" in row["columns"]}
     known, others = (point["all"] for point in rows["race_mpcc"])
-    unknown = others["three_laps"]
+    unknown, lost = others["three_laps"], others["lost"] or "none"
     agent = rows["agent race"][0]["all"]["three_laps"]
     return f"""\
 The paper goes round once in 16 s. `race_lqg`, along the best known plan (`python -m scripts.optimise.race`), needs
 {first:.2f} s for the first lap, {fastest:.2f} s for the fastest, and {whole:.2f} s for all three; the agent `race`
 {agent["median"]:.2f} s. On unknown arms both are lost: they use the whole 0.25 m. `race_mpcc`, predictive contouring
-control, needs {known["three_laps"]["median"]:.2f} s, on unknown arms {unknown["least"]:.1f} to {unknown["most"]:.1f} s, and loses
-{others["lost"] or "none"} of {others["episodes"]} ([races on unknown arms](../lqg.md#races-on-unknown-arms)).
+control, needs {known["three_laps"]["median"]:.2f} s, on unknown arms {unknown["least"]:.1f} to
+{unknown["most"]:.1f} s, and loses {lost} of {others["episodes"]} ([races on unknown
+arms](../lqg.md#races-on-unknown-arms)).
 
 ![The fastest lap of the best known race beside the paper's, in real time](../figures/race.webp)"""
 
