@@ -26,6 +26,7 @@ from flexarm_env.analysis import (
     strain,
     tip,
     true_point,
+    zeros,
 )
 from flexarm_env.extras import install_command
 from flexarm_env.physics.damping import clamped_ratio
@@ -110,6 +111,17 @@ def test_bode_of_a_late_tip(monkeypatch: pytest.MonkeyPatch) -> None:
     plt.close(figure)
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     assert bode(late, [1.0])[1] is None
+
+
+def test_singular_values_vanish_at_the_zeros() -> None:
+    """Undamped, those of the joint angles lie on the axis, and feedback of the tip has its zero at 33.10 rad/s."""
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=0.0))
+    point = OperatingPoint.at_point(arm, (-6.3, 6.3))
+    plant = linear_plant(point, joint_angles())
+    at = [z for z in zeros(plant).values.imag if z > 0.0]
+    response = frequency_response(plant, [*at, 1.1 * at[0]])
+    assert (response.singular_values[:-1, -1] < 1e-9 * response.singular_values[-1, -1]).all()
+    assert np.linalg.svd(linear_plant(point, tip()).at(33.10), compute_uv=False)[-1] < 1e-8
 
 
 def test_a_matlab_file_has_the_plant(tmp_path: Path) -> None:
@@ -207,3 +219,19 @@ def test_names_that_two_sensors_share_are_told_apart() -> None:
         np.testing.assert_array_equal(part.C, plant.C[[i]])
         assert part.sensors == (plant.sensors[i],)
     assert linear_plant(point, tip(), strain(2)).outputs == ("x", "y", "curvature of link 2")
+
+
+@pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
+def test_at_rest_and_straight_the_foreshortened_arm_is_the_linear_one_and_spinning_it_is_not(mode_shapes: str) -> None:
+    """Foreshortening is of second order in the deflections; in a spin the centrifugal field makes it a stiffness."""
+    kinds = ("linear", "foreshortened")
+    twins = [FlexibleArm(ArmParameters.linear(kinematics=name, mode_shapes=mode_shapes)) for name in kinds]
+    rest = [linear_plant(OperatingPoint.at_angles(arm, (0.4, 1.3)), true_point(3.0)) for arm in twins]
+    for part in ("A", "B", "C"):
+        linear, foreshortened = (getattr(plant, part) for plant in rest)
+        np.testing.assert_allclose(foreshortened, linear, rtol=0.0, atol=1e-11 * np.abs(linear).max())
+    spin = np.array([3.0, *np.zeros(5)])  # [rad/s] of theta1: the whole arm, straight
+    points = [OperatingPoint.at_angles(arm, (0.4, 0.0), rates=spin) for arm in twins]
+    # stiffening: what holds the straight arm's first bending grows with the square of the spin
+    stiffness = [-linear_plant(point, true_point(3.0)).A[6:, :6] for point in points]
+    assert np.abs(stiffness[1] - stiffness[0]).max() > 3.0**2

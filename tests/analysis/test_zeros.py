@@ -128,6 +128,13 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
     assert singular[0] > 1e-6, "one direction only: the double zero is defective"
 
 
+def test_unequal_links_separate_the_double_zero() -> None:
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=4, damping_ratio=0.0, link_lengths=(4.5, 3.0)))
+    found = np.sort(right(bent(arm), 3.0).real)[:2]
+    exact = sorted(float(link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
+    np.testing.assert_allclose(found, exact, rtol=2e-3)
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.01])
 @pytest.mark.parametrize("modes", [1, 2])
 def test_zeros_are_poles_of_the_arm_with_its_output_held(modes: int, damping: float) -> None:
@@ -174,6 +181,18 @@ def test_a_direct_path_is_taken_into_account() -> None:
     assert found.infinite == 0
 
 
+def test_one_torque_to_one_joint() -> None:
+    """Shoulder torque to its angle, the elbow free: poles with the shoulder locked, interlacing the free ones."""
+    point = bent(arm_with(2))
+    plant = linear_plant(point, joint_angles()).select(["shoulder"], ["theta1"])
+    found = np.abs(zeros(plant).values)
+    assert np.sum(found == 0.0) == 2, "the arm still turns about its free elbow"
+    locked = np.unique(found[found > 0.0].round(6))
+    free = natural_modes(point).frequencies[2:]
+    assert np.all(locked[: len(free)] < free)
+    assert np.all(free[:-1] < locked[1 : len(free)])
+
+
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_strain_does_not_see_the_rigid_arm(modes: int) -> None:
     """Four zeros at the origin cancel the four rigid-body poles there."""
@@ -182,6 +201,26 @@ def test_strain_does_not_see_the_rigid_arm(modes: int) -> None:
     assert np.sum(found.values == 0.0) == 4
     assert len(found.values) == 4 * modes
     assert np.sum(np.abs(poles(plant).values) < 1e-3) == 4
+
+
+def test_bent_and_spinning_arms_have_zeros_too() -> None:
+    """Frozen about a bend or a spin. They move with the first power of the bend, the second of the spin's rate.
+
+    A bent arm is no equilibrium: its unbalanced elastic forces turn with the links, which moves the zeros much more
+    than the bend's geometry does.
+    """
+    arm = arm_with(2)
+    still = zeros(linear_plant(bent(arm), true_point(3.8))).values
+    bends, spins = [], []
+    for size in (1e-7, 1e-6):
+        held = OperatingPoint.at_angles(arm, ANGLES, modal=size * np.ones(arm.size - 2))
+        bends.append(closest(zeros(linear_plant(held, true_point(3.8))).values, still))
+        spinning = OperatingPoint.at_angles(arm, ANGLES, rates=1e5 * size * np.eye(1, arm.size)[0])
+        spins.append(closest(zeros(linear_plant(spinning, true_point(3.8))).values, still))
+    assert bends[1] / bends[0] == pytest.approx(10.0, rel=0.05)
+    assert spins[1] / spins[0] == pytest.approx(100.0, rel=0.05)
+    assert "modal" in str(held)
+    assert "rates" in str(spinning)
 
 
 def test_directions_block_the_torque() -> None:
