@@ -23,7 +23,7 @@ from flexarm_agents.evaluation.candidates import (
     plant_of,
 )
 from flexarm_agents.policies.load import load_policy, shipped_policies
-from flexarm_baselines.registry import controller_names
+from flexarm_baselines.registry import controller, controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import shown
 
@@ -46,7 +46,7 @@ def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
     """Add arguments that say where policies run, and how models are read."""
     add_options(parser, "options of the environments, for all")
     parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, their own")
-    environment = f"environment in which all policies run; without it, {where}"
+    environment = f"environment in which all policies run; without it, {where}; controllers of races race"
     parser.add_argument("--environment", metavar="ID", help=environment)
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
     parser.add_argument("--vec-normalize", metavar="FILE", default="", help=STATISTICS)
@@ -79,7 +79,7 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
             return from_training(source, given.options, given.arm)
     entry = entry_of(source, given, interface_of(given.options))
     with _message_if_long(f"{source}: the policy is made"):
-        return entry.on(check_id(given.environment or ENVIRONMENT), changed({}, plant_of(given.options), given.arm))
+        return entry.on(check_id(entry.environment), changed({}, plant_of(given.options), given.arm))
 
 
 def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
@@ -87,7 +87,8 @@ def entry_of(source: str, given: argparse.Namespace, options: Options) -> Entry:
     model = (given.stable_baselines3, given.vec_normalize) if _is_model(source) else ()
     if None in model:
         raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
-    return Entry(source, "", given.environment or ENVIRONMENT, options, *model)
+    made_for = controller(source).environment if source in controller_names() else ENVIRONMENT
+    return Entry(source, "", given.environment or made_for, options, *model)
 
 
 @contextmanager

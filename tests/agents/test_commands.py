@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -219,6 +220,15 @@ def test_a_bar_is_shown_when_it_takes_long_and_goes_in_the_end(
 def test_how_long_an_episode_is() -> None:
     assert episode_steps(gymnasium.make("FlexArm/Square-v0", max_episode_steps=70)) == 70
     assert episode_steps(FlexArmEnv(control_period=0.02, lap_time=8.0)) == 400
+
+
+def test_a_controller_runs_where_it_is_made_for() -> None:
+    given = Namespace(environment=None, stable_baselines3=None, vec_normalize="")
+    homes = {name: sources.entry_of(name, given, {}).environment for name in ("lqg", "race_lqg")}
+    assert homes == {"lqg": "FlexArm/Square-v0", "race_lqg": "FlexArm/Race-v0"}
+    assert sources.entry_of("lqg", Namespace(**vars(given) | {"environment": "Track-v0"}), {}).environment.endswith(
+        "Track-v0"
+    )
 
 
 def test_what_takes_longer_than_a_moment_is_said(
