@@ -38,7 +38,8 @@ def drawn_path(random: np.random.Generator) -> Array:
     more, count = round(0.5 * window / PERIOD), round(LAP / PERIOD) + 1
     speed = min(arcs[-1] / random.uniform(*LAP_TIMES), FASTEST)
     stops = arcs if len(arcs) <= SIDES else arcs[:: SIDES // 4]
-    along = _progress(random, PERIOD * np.arange(-more, count + more), speed, stops)
+    times = PERIOD * np.arange(-more, count + more, dtype=np.float64)
+    along = _progress(random, times, speed, stops)
     sums = np.cumsum(np.vstack([np.zeros((1, 2)), _at(arcs, ends, along)]), axis=0)
     width = 2 * more + 1
     return np.column_stack([PERIOD * np.arange(count), (sums[width:] - sums[:-width]) / width])
