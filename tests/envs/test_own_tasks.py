@@ -8,10 +8,12 @@ import pytest
 
 from flexarm_env import end_reason, way_points
 from tests.support.envs import FREE, bare, drawn_corners, is_bent, same_as_alone, terms_together, vector
+from tests.support.refusals import refused
 
 TRACK, H = "FlexArm/Track-v0", 0.01
 STILL: dict[str, Any] = {"start": "corner", "elbow_branch": "positive", "scaled": False, "frame": "world", **FREE}
 CORNERS = [(5.0, 0.0), (5.0, 3.0), (2.0, 5.0), (-2.0, 5.0), (-3.0, 2.0)]
+TARGET: dict[str, Any] = {"reference": "target", "waypoints": CORNERS[:1]}
 
 
 def test_episodes_draw_from_tables_and_functions_by_name() -> None:
@@ -55,15 +57,6 @@ def test_functions_that_look_alike_are_two() -> None:
     assert [envs.simulator.path(i)[0, 0] for i in (0, 1)] == [4.0, 5.0]
 
 
-@pytest.mark.parametrize(
-    ("references", "message"),
-    [([["square", "circle"], "line"], "must each have one"), (["square", "moves"], "all environments must have it")],
-)
-def test_paths_that_no_batch_has_together_are_refused(references: list[Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        vector(TRACK, 2, per_env={"reference": references})
-
-
 def test_a_seed_determines_drawn_paths_and_rewards() -> None:
     """An environment of a batch is the single one, to the last bit."""
     own = {
@@ -86,7 +79,7 @@ def test_a_target_that_is_moved_along_a_path_is_that_path() -> None:
     at = np.column_stack([np.interp(times, *table.T[[0, axis]]) for axis in (1, 2)])
     options: dict[str, Any] = {"previews": (3 * H, H, 2 * H), **STILL}
     known = bare(TRACK, reference="waypoints", waypoints=np.column_stack([times, at]), **options)
-    envs = vector(TRACK, 2, reference="target", waypoints=CORNERS[:1], **options)
+    envs = vector(TRACK, 2, **TARGET, **options)
     known.reset(seed=0)
     envs.reset(seed=0)
     for n in range(250):
@@ -102,7 +95,7 @@ def test_a_target_that_is_moved_along_a_path_is_that_path() -> None:
 
 
 def test_a_target_may_jump_and_stops_where_the_reach_ends() -> None:
-    env = bare(TRACK, reference="target", waypoints=[(5.0, 0.0)], delay=0.03, observation=["sensor_error"], **STILL)
+    env = bare(TRACK, **TARGET, delay=0.03, observation=["sensor_error"], **STILL)
     env.reset(seed=0)
     env.step(np.zeros(2))
     env.set_reference([0.0, 5.0], [0.0, 10.0])
@@ -116,38 +109,32 @@ def test_a_target_may_jump_and_stops_where_the_reach_ends() -> None:
     np.testing.assert_array_equal(env.step(np.zeros(2))[4]["reference"], (5.0, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"reference": lambda time: (time,)}, "must be a function from time"),
-        ({"reference": lambda time: 1.0 / time}, "waypoints = .*division"),
-        ({"reference": "drawn", "waypoints": CORNERS}, "must be a function of a generator"),
-        ({"reference": "drawn", "waypoints": lambda rng: [(9.0, 9.0), (1.0, 1.0)]}, "drew no path: .*misses it"),
-        ({"reference": "drawn", "waypoints": lambda rng: [(0, 5, 0), (9, 5, 1)]}, "lap of 9.0 s; must be lap_time"),
-        ({"reference": "target", "waypoints": CORNERS}, "must be one point"),
-        ({"reference": "target", "waypoints": [(9.0, 9.0)]}, "waypoints: must be 0 to 9 m"),
-        ({"reference": "a", "waypoints": {"a": CORNERS, "b": CORNERS}}, "must be given with the reference"),
-        ({"reference": ["a", "b"], "waypoints": {"a": [(0, 1, 1), (2, 2, 1)], "b": [(0, 1, 1), (3, 2, 1)]}}, "equal"),
-    ],
+test_bad_tasks_are_refused = refused(
+    ({"reference": lambda time: (time,)}, "must be a function from time"),
+    ({"reference": lambda time: 1.0 / time}, "waypoints = .*division"),
+    ({"reference": "drawn", "waypoints": CORNERS}, "must be a function of a generator"),
+    ({"reference": "drawn", "waypoints": lambda rng: [(9.0, 9.0), (1.0, 1.0)]}, "drew no path: .*misses it"),
+    ({"reference": "drawn", "waypoints": lambda rng: [(0, 5, 0), (9, 5, 1)]}, "lap of 9.0 s; must be lap_time"),
+    ({"reference": "target", "waypoints": CORNERS}, "must be one point"),
+    ({"reference": "target", "waypoints": [(9.0, 9.0)]}, "waypoints: must be 0 to 9 m"),
+    ({"reference": "a", "waypoints": {"a": CORNERS, "b": CORNERS}}, "must be given with the reference"),
+    ({"reference": ["a", "b"], "waypoints": {"a": [(0, 1, 1), (2, 2, 1)], "b": [(0, 1, 1), (3, 2, 1)]}}, "equal"),
+    by=lambda options: bare(TRACK, **options),
+    kind=(TypeError, ValueError),
 )
-def test_bad_tasks_are_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises((TypeError, ValueError), match=message):
-        bare(TRACK, **options)
-
-
-def test_bad_targets_are_refused() -> None:
-    env = bare(TRACK, reference="target", waypoints=CORNERS[:1], observation=["previews"], previews=(H,))
-    for given, message in [
-        (([9.0, 9.0],), "position of the reference"),
-        (([5.0, 0.0], [50.0, 0.0]), "velocity of the reference: 50 m/s; must be at most 19.88"),
-        (([5.0, 0.0], [0.0, 0.0], [[5.0, 9.0]]), "previews of the reference"),
-        (([5.0, 0.0], [0.0, 0.0], [5.0, 1.0]), r"previews of the reference: must have shape \(1, 2\)"),
-        (([5.0, np.nan],), "position of the reference"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            env.set_reference(*given)
-    with pytest.raises(ValueError, match="must be 'target'"):
-        bare(TRACK).set_reference([5.0, 0.0])
+test_bad_targets_are_refused = refused(
+    (([9.0, 9.0],), "position of the reference"),
+    (([5.0, 0.0], [50.0, 0.0]), "velocity of the reference: 50 m/s; must be at most 19.88"),
+    (([5.0, 0.0], [0.0, 0.0], [[5.0, 9.0]]), "previews of the reference"),
+    (([5.0, 0.0], [0.0, 0.0], [5.0, 1.0]), r"previews of the reference: must have shape \(1, 2\)"),
+    (([5.0, np.nan],), "position of the reference"),
+    by=lambda given: bare(TRACK, **TARGET, observation=["previews"], previews=(H,)).set_reference(*given),
+)
+test_paths_that_no_batch_has_together_are_refused = refused(
+    ([["square", "circle"], "line"], "must each have one"),
+    (["square", "moves"], "all environments must have it"),
+    by=lambda references: vector(TRACK, 2, per_env={"reference": references}),
+)
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
@@ -181,6 +168,8 @@ def test_weights_below_zero_count_and_are_told() -> None:
     assert reward == info["reward_tracking_wide"] - 0.5
     with pytest.warns(UserWarning, match="ending an episode early pays"):
         bare(TRACK, reward_weights={"effort": -1.0})
+    with pytest.raises(ValueError, match="must be 'target'"):
+        bare(TRACK).set_reference([5.0, 0.0])
     with pytest.raises(TypeError, match=r"reward\(infos\) = .*: must be an array .* \(1,\)"):
         bare(TRACK, reward=lambda infos: 1.0).step(np.zeros(2))
 

@@ -1,14 +1,14 @@
 """Options of a reset: what they do, and what is refused."""
 
 import math
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
-from tests.support.envs import bare, refused_unmoved
-from tests.support.refusals import label, refuses
+from tests.support.envs import SQUARE, bare, calling, make, vector
+from tests.support.refusals import refused
 
 DRAWING = {"randomisation": {"stiffness": (0.5, 2.0), "delay": (0.0, 0.1), "noise": (0.0, 0.1), "damping": (0.0, 0.3)}}
 
@@ -43,60 +43,52 @@ def test_quantities_of_an_episode() -> None:
     assert env.episode.parameters == given
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({"corner": 2}, ValueError, ("options['corner']", "path, direction, elbow_branch, parameters, state")),
-        ("corner", TypeError, ("options = 'corner'", "mapping")),
-        ("", TypeError, ("options = ''", "mapping")),
-        (np.zeros(2), TypeError, ("options = array([0., 0.])", "mapping")),
-        ({"start": np.array(0.0)}, ValueError, ("options['start'] = array(0.)", "'corner'")),
-        ({"start": b"x"}, ValueError, ("options['start'] = b'x'", "'corner'")),
-        ({"time": memoryview(b"a")}, ValueError, ("options['time'] = <memory", "real numbers")),
-        ({"start": "side"}, ValueError, ("options['start'] = 'side'", "'corner', 'corners', 'moving', 'mix'")),
-        ({"start": 1}, ValueError, ("options['start'] = 1",)),
-        ({"elbow_branch": "up"}, ValueError, ("options['elbow_branch'] = 'up'", "'positive', 'negative', 'either'")),
-        ({"direction": 1}, ValueError, ("options['direction'] = 1", "'clockwise', 'counterclockwise', 'either'")),
-        ({"direction": ["clockwise"] * 2}, ValueError, ("options['direction']", "one value or 1")),
-        ({"time": 16.0}, ValueError, ("options['time'] = 16.0", "from 0 to 16")),
-        ({"time": -0.1}, ValueError, ("options['time'] = -0.1", "from 0 to 16")),
-        ({"time": math.nan}, ValueError, ("options['time'] = nan",)),
-        ({"time": "noon"}, ValueError, ("options['time']", "'noon'")),
-        ({"time": [0.0, 1.0]}, ValueError, ("options['time']", "(2,)")),
-        ({"path": "circle"}, ValueError, ("options['path'] = 'circle'", "'square'")),
-        ({"parameters": 3.0}, TypeError, ("options['parameters'] = 3.0", "mapping")),
-        (
-            {"parameters": {"mass": 3.0}},
-            ValueError,
-            ("options['parameters']['mass']: no such quantity", "'payload_mass'"),
-        ),
-        ({"parameters": {"payload_mass": -1.0}}, ValueError, ("options['parameters']['payload_mass'] = -1.0",)),
-        ({"parameters": {"payload_mass": math.inf}}, ValueError, ("options['parameters']['payload_mass'] = inf",)),
-        ({"parameters": {"delay": 0.11}}, ValueError, ("['delay'] = 0.11", "from 0 to 0.1")),
-        ({"parameters": {"noise": 0.11}}, ValueError, ("['noise'] = 0.11", "from 0 to 0.1")),
-        ({"parameters": {"stiffness": 2.1}}, ValueError, ("['stiffness'] = 2.1", "to 2")),
-        ({"parameters": {"stiffness": 0.0}}, ValueError, ("['stiffness'] = 0.0", "from 0.001")),
-        ({"parameters": {"damping": 1.1}}, ValueError, ("['damping'] = 1.1", "from 0 to 0.3")),
-        ({"parameters": {"actuation_delay": 0.1}}, ValueError, ("['actuation_delay'] = 0.1", "from 0 to 0")),
-        ({"state": np.zeros(11)}, ValueError, ("options['state']", "(12,)", "(11,)")),
-        ({"state": np.full(12, 1e4)}, ValueError, ("options['state'][0] = 10000.0", "6283.19")),
-        ({"state": [math.nan] * 12}, ValueError, ("options['state'][0] = nan", "finite")),
-    ],
-    ids=lambda value: label(value) if isinstance(value, dict) else "",
+test_a_bad_reset_option_is_refused_and_nothing_moves = refused(
+    ({"corner": 2}, r"\['corner'\].*path, direction, elbow_branch, parameters, state"),
+    ("", "TypeError: options = ''.*mapping"),
+    (np.zeros(2), r"TypeError: options = array\(\[0., 0.\]\).*mapping"),
+    ({"start": np.array(0.0)}, r"options\['start'\] = array\(0.\).*'corner'"),
+    ({"start": "side"}, r"options\['start'\] = 'side'.*'corner', 'corners', 'moving', 'mix'"),
+    ({"elbow_branch": "up"}, r"options\['elbow_branch'\] = 'up'.*'positive', 'negative', 'either'"),
+    ({"direction": 1}, r"options\['direction'\] = 1.*'clockwise', 'counterclockwise', 'either'"),
+    ({"direction": ["clockwise"] * 2}, r"options\['direction'\].*one value or 1"),
+    ({"time": memoryview(b"a")}, r"options\['time'\] = <memory.*real numbers"),
+    ({"time": 16.0}, r"options\['time'\] = 16.0.*from 0 to 16"),
+    ({"time": -0.1}, r"options\['time'\] = -0.1.*from 0 to 16"),
+    ({"time": math.nan}, r"options\['time'\] = nan"),
+    ({"time": "noon"}, r"options\['time'\].*'noon'"),
+    ({"time": [0.0, 1.0]}, r"options\['time'\].*\(2,\)"),
+    ({"path": "circle"}, r"options\['path'\] = 'circle'.*'square'"),
+    ({"parameters": 3.0}, r"TypeError: options\['parameters'\] = 3.0.*mapping"),
+    ({"parameters": {"mass": 3.0}}, r"options\['parameters'\]\['mass'\]: no such quantity.*'payload_mass'"),
+    ({"parameters": {"payload_mass": -1.0}}, r"\['payload_mass'\] = -1.0"),
+    ({"parameters": {"payload_mass": math.inf}}, r"\['payload_mass'\] = inf"),
+    ({"parameters": {"delay": 0.11}}, r"\['delay'\] = 0.11.*from 0 to 0.1"),
+    ({"parameters": {"noise": 0.11}}, r"\['noise'\] = 0.11.*from 0 to 0.1"),
+    ({"parameters": {"stiffness": 2.1}}, r"\['stiffness'\] = 2.1.*to 2"),
+    ({"parameters": {"stiffness": 0.0}}, r"\['stiffness'\] = 0.0.*from 0.001"),
+    ({"parameters": {"damping": 1.1}}, r"\['damping'\] = 1.1.*from 0 to 0.3"),
+    ({"parameters": {"actuation_delay": 0.1}}, r"\['actuation_delay'\] = 0.1.*from 0 to 0"),
+    ({"state": np.zeros(11)}, r"options\['state'\].*\(12,\).*\(11,\)"),
+    ({"state": np.full(12, 1e4)}, r"options\['state'\]\[0\] = 10000.0.*6283.19"),
+    ({"state": [math.nan] * 12}, r"options\['state'\]\[0\] = nan.*finite"),
+    by=calling(partial(make, **DRAWING), "reset", "options", seed=7),
 )
-def test_a_bad_reset_option_is_refused_and_nothing_moves(
-    options: Any, error: type[Exception], words: tuple[str, ...]
-) -> None:
-    env, twin = bare(**DRAWING), bare(**DRAWING)
-    with refused_unmoved(env, twin, error, *words):
-        env.reset(seed=7, options=options)
-
-
-@pytest.mark.usefixtures("uncompiled")
-def test_options_that_settings_rule_out() -> None:
-    with refuses(ValueError, "options['path'] = 'square'", "has its own path"):
-        bare("FlexArm/Reach-v0").reset(options={"path": "square"})
-    with refuses(ValueError, "options['direction'] = 'clockwise'", "no effect"):
-        bare("FlexArm/Reach-v0").reset(options={"direction": "clockwise"})
-    with refuses(ValueError, "['delay'] = 0.01", "from 0 to 0"):
-        bare(sensor="collocated").reset(options={"parameters": {"delay": 0.01}})
+test_a_bad_option_of_a_batch_is_refused_and_nothing_moves = refused(
+    ({"reset_mask": [True, False]}, r"reset_mask.*shape \(3,\)"),
+    ({"reset_mask": np.ones(3)}, "reset_mask.*bool"),
+    ({"reset_mask": np.zeros(3, bool)}, "reset_mask.*one True at least"),
+    ({"start": ["corner"] * 2}, "one value or 3"),
+    ({"start": ["corner", "corner", "side"]}, "start.*'side'.*'corner'"),
+    ({"time": [0.0, 16.0, 0.0]}, "time.*16.0.*from 0 to 16"),
+    ({"time": np.zeros((3, 1))}, r"time.*\(3, 1\)"),
+    ({"parameters": {"payload_mass": [0.0, -1.0, 0.0]}}, "payload_mass.*-1.0"),
+    ({"state": np.zeros((2, 12))}, r"state.*\(12,\).*\(2, 12\)"),
+    by=calling(vector, "reset", "options", seed=7),
+)
+test_options_that_settings_rule_out = refused(
+    (("FlexArm/Reach-v0", {}, {"path": "square"}), r"options\['path'\] = 'square'.*has its own path"),
+    (("FlexArm/Reach-v0", {}, {"direction": "clockwise"}), r"options\['direction'\] = 'clockwise'.*no effect"),
+    ((SQUARE, {"sensor": "collocated"}, {"parameters": {"delay": 0.01}}), r"\['delay'\] = 0.01.*from 0 to 0"),
+    by=lambda given: bare(given[0], **given[1]).reset(options=given[2]),
+)

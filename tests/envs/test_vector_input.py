@@ -10,8 +10,8 @@ from gymnasium.vector import AutoresetMode
 
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import IDS, RESIDUAL, SQUARE, actions_for, assert_same, make, refused_unmoved, vector
-from tests.support.refusals import refuses
+from tests.support.envs import IDS, SQUARE, actions_for, assert_same, calling, make, vector
+from tests.support.refusals import refused, refuses
 
 
 def test_each_environment_may_have_its_own_options() -> None:
@@ -51,43 +51,17 @@ def test_each_environment_may_have_its_own_options() -> None:
             assert whole[1][i] == reward
 
 
-def begun(made: Callable[..., Any], *arguments: Any) -> Any:
-    env = made(*arguments)
+def begun(made: Callable[[], Any]) -> Any:
+    env = made()
     env.reset(seed=0)
     return env
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({"reset_mask": [True, False]}, ValueError, ("reset_mask", "shape (3,)")),
-        ({"reset_mask": np.ones(3)}, ValueError, ("reset_mask", "bool")),
-        ({"reset_mask": np.zeros(3, bool)}, ValueError, ("reset_mask", "one True at least")),
-        ({"wind": 1.0}, ValueError, ("'wind'", "start", "parameters")),
-        ({"start": ["corner"] * 2}, ValueError, ("one value or 3",)),
-        ({"start": ["corner", "corner", "side"]}, ValueError, ("start", "'side'", "'corner'")),
-        ({"time": [0.0, 16.0, 0.0]}, ValueError, ("time", "16.0", "from 0 to 16")),
-        ({"time": np.zeros((3, 1))}, ValueError, ("time", "(3, 1)")),
-        ({"parameters": {"payload_mass": [0.0, -1.0, 0.0]}}, ValueError, ("payload_mass", "-1.0")),
-        ({"state": np.zeros((2, 12))}, ValueError, ("state", "(12,)", "(2, 12)")),
-    ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
-)
-def test_bad_options_are_refused_and_nothing_moves(
-    options: dict[str, Any], error: type[Exception], words: tuple[str, ...]
-) -> None:
-    env, twin = begun(vector), begun(vector)
-    with refused_unmoved(env, twin, error, *words):
-        env.reset(seed=7, options=options)
 
 
 BAD_SEEDS: list[tuple[Any, str]] = [
     (1.5, "seed = 1.5"),
     ("5", "seed = '5'"),
-    (b"123", "seed = b'123'"),
     (True, "seed = True"),
     (-1, "seed = -1"),
-    ({1, 2, 3}, "seed = {1, 2, 3}"),
     ([0.7, 1.2, 2.9], "seed[0] = 0.7"),
     ([1, None, "3"], "seed[2] = '3'"),
     ([1, 2, -1], "seed[2] = -1"),
@@ -103,67 +77,43 @@ def test_resets_that_cannot_be() -> None:
     for seed, words in BAD_SEEDS:
         with refuses(ValueError if "-1" in words else TypeError, f"{words}: must be an integer >= 0"):
             env.reset(seed=seed)
-    twin = begun(vector)
-    env.reset(seed=0)
-    with refused_unmoved(env, twin, ValueError, "seed[2] = -1"):
-        env.reset(seed=[7, 8, -1])
-
-
-def test_an_action_that_is_no_gain_has_no_limit_of_it() -> None:
+    with refuses(ValueError, "seed[2] = -1"):
+        calling(vector, "reset", "seed")([7, 8, -1])
     with refuses(AttributeError, "gain_limit: the action is 'torque', not the gain"):
         _ = FlexArmEnv().gain_limit
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({"num_envs": 0}, ValueError, ("num_envs = 0", "from 1 to")),
-        ({"num_envs": 10**9}, ValueError, ("num_envs = 1000000000: would take", "GB at least; must be at most")),
-        ({"num_envs": 10**400}, ValueError, ("num_envs = 1000", "must be an integer from 1 to")),
-        ({"num_envs": 2.0}, TypeError, ("num_envs = 2.0", "integer")),
-        ({"max_episode_steps": 0}, ValueError, ("max_episode_steps = 0", "from 1 to")),
-        ({"max_episode_steps": 10**400}, ValueError, ("max_episode_steps = 1000", "from 1 to")),
-        ({"threads": 0}, ValueError, ("threads = 0", ">= 1")),
-        ({"autoreset_mode": "Sometimes"}, ValueError, ("autoreset_mode = 'Sometimes'", "'NextStep'", "'SameStep'")),
-        ({"render_mode": "human"}, ValueError, ("render_mode = 'human'", "'rgb_array'")),
-        ({"delays": 0.1}, TypeError, ("unexpected keyword argument 'delays'; did you mean 'delay'?",)),
-        ({"noise": -1.0}, ValueError, ("noise = -1.0", ">= 0.0")),
-    ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+test_a_wrong_argument_names_itself = refused(
+    ({"num_envs": 0}, "num_envs = 0.*from 1 to"),
+    ({"num_envs": 10**9}, "num_envs = 1000000000: would take.*GB at least; must be at most"),
+    ({"num_envs": 10**400}, "num_envs = 1000.*must be an integer from 1 to"),
+    ({"num_envs": 2.0}, "TypeError: num_envs = 2.0.*integer"),
+    ({"max_episode_steps": 0}, "max_episode_steps = 0.*from 1 to"),
+    ({"max_episode_steps": 10**400}, "max_episode_steps = 1000.*from 1 to"),
+    ({"threads": 0}, "threads = 0.*>= 1"),
+    ({"autoreset_mode": "Sometimes"}, "autoreset_mode = 'Sometimes'.*'NextStep'.*'SameStep'"),
+    ({"render_mode": "human"}, "render_mode = 'human'.*'rgb_array'"),
+    ({"delays": 0.1}, "TypeError: unexpected keyword argument 'delays'; did you mean 'delay'"),
+    ({"noise": -1.0}, "noise = -1.0.*>= 0.0"),
+    by=lambda options: FlexArmVectorEnv(**options),
 )
-def test_a_wrong_argument_names_itself(options: dict[str, Any], error: type[Exception], words: tuple[str, ...]) -> None:
-    with refuses(error, *words):
-        FlexArmVectorEnv(**options)
-
-
-BAD_ACTIONS: list[tuple[Any, str]] = [
-    ([np.nan, 0.0], "action[0] = nan: must be finite"),
-    ([0.0, -np.inf], "action[1] = -inf: must be finite"),
-    ([0.0], "action: must have shape (2,), got (1,)"),
-    (0.0, "action: must have shape (2,), got ()"),
-    ([[0.0, 0.0]], "action: must have shape (2,), got (1, 2)"),
-]
-BAD_ACTIONS_OF_THREE: list[tuple[Any, str]] = [
-    (np.zeros(2), "actions: must have shape (3, 2), got (2,)"),
-    (np.zeros((3, 1)), "actions: must have shape (3, 2), got (3, 1)"),
-    (np.full((3, 2), np.nan), "actions[0, 0] = nan: must be finite"),
-    ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], "actions[1, 1] = inf: must be finite"),
+test_wrong_actions_are_refused_and_nothing_moves = refused(
+    ([np.nan, 0.0], r"action\[0\] = nan: must be finite"),
+    ([0.0, -np.inf], r"action\[1\] = -inf: must be finite"),
+    ([0.0], r"action: must have shape \(2,\), got \(1,\)"),
+    (0.0, r"action: must have shape \(2,\), got \(\)"),
+    ([[0.0, 0.0]], r"action: must have shape \(2,\), got \(1, 2\)"),
+    by=calling(make, "step", "action"),
+)
+test_wrong_actions_of_a_batch_are_refused_and_nothing_moves = refused(
+    (np.zeros(2), r"actions: must have shape \(3, 2\), got \(2,\)"),
+    (np.zeros((3, 1)), r"actions: must have shape \(3, 2\), got \(3, 1\)"),
+    (np.full((3, 2), np.nan), r"actions\[0, 0\] = nan: must be finite"),
+    ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], r"actions\[1, 1\] = inf: must be finite"),
     (np.zeros((3, 2), bool), "must be an array of real numbers"),
     ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be an array of real numbers"),
-]
-
-
-@pytest.mark.parametrize(
-    ("made", "env_id", "actions", "words"),
-    [
-        *((make, env_id, *row) for row in BAD_ACTIONS for env_id in (SQUARE, RESIDUAL)),
-        *((vector, SQUARE, *row) for row in BAD_ACTIONS_OF_THREE),
-    ],
+    by=calling(vector, "step", "actions"),
 )
-def test_wrong_actions_are_refused_and_nothing_moves(made: Any, env_id: str, actions: Any, words: str) -> None:
-    env, twin = begun(made, env_id), begun(made, env_id)
-    with refused_unmoved(env, twin, ValueError, words):
-        env.step(actions)
 
 
 @pytest.mark.parametrize(

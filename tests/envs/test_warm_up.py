@@ -1,7 +1,6 @@
 """`warm_up` compiles what environments need, and says what it did."""
 
 import re
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,6 +11,7 @@ from flexarm_env.codegen import cache
 from flexarm_env.envs import batch, warm_up
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import SQUARE
+from tests.support.refusals import refused
 
 
 def test_what_was_warmed_up_needs_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,19 +48,14 @@ def test_what_cannot_be_kept_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Non
         flexarm_env.warm_up([SQUARE])
 
 
-REFUSED: list[tuple[dict[str, Any], type[Exception], str]] = [
-    ({"ids": SQUARE}, TypeError, "ids = "),
-    ({"ids": []}, ValueError, "ids = "),
-    ({"ids": ["CartPole-v1"]}, ValueError, "'CartPole-v1' is no environment of FlexArm"),
-    ({"options": {"frames": "world"}}, TypeError, "frames"),
-    ({"options": ["noise"]}, TypeError, "options = "),
-    ({"num_envs": 8}, TypeError, "num_envs = 8"),
-    ({"num_envs": [0]}, ValueError, r"num_envs\[0\] = 0"),
-    ({"threads": 0}, ValueError, "threads = 0"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "error", "text"), REFUSED)
-def test_bad_input_is_refused(arguments: dict[str, Any], error: type[Exception], text: str) -> None:
-    with pytest.raises(error, match=text):
-        flexarm_env.warm_up(**({"ids": [SQUARE]} | arguments))
+test_bad_input_is_refused = refused(
+    ({"ids": SQUARE}, "TypeError: ids = "),
+    ({"ids": []}, "ids = "),
+    ({"ids": ["CartPole-v1"]}, "'CartPole-v1' is no environment of FlexArm"),
+    ({"options": {"frames": "world"}}, "TypeError: frames"),
+    ({"options": ["noise"]}, "TypeError: options = "),
+    ({"num_envs": 8}, "TypeError: num_envs = 8"),
+    ({"num_envs": [0]}, r"num_envs\[0\] = 0"),
+    ({"threads": 0}, "threads = 0"),
+    by=lambda arguments: flexarm_env.warm_up(**{"ids": [SQUARE]} | arguments),
+)

@@ -2,8 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import OF_RACES, TERMS
-from tests.support.refusals import refuses
 
 Array = NDArray[np.float64]
 OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
@@ -288,14 +286,21 @@ def same_as_alone(
             assert batch.episode.one(i) == env.unwrapped.episode  # type: ignore[attr-defined]
 
 
-@contextmanager
-def refused_unmoved(env: Any, twin: Any, kind: type[Exception], *words: str) -> Iterator[None]:
-    """Check that `env` refuses a call with these words, and that it then goes on as its twin does."""
-    with refuses(kind, *words):
-        yield
-    for actions in actions_for(env, 3):
-        assert_same(env.step(actions), twin.step(actions))
-    assert_same(env.reset(), twin.reset())
+def calling(made: Callable[[], Any], method: str, name: str, **options: Any) -> Callable[[Any], None]:
+    """Return what calls a method with an argument of this name; the environment must then go on as its twin does."""
+
+    def call(given: Any) -> None:
+        env, twin = made(), made()
+        for each in (env, twin):
+            each.reset(seed=0)
+        try:
+            getattr(env, method)(**options, **{name: given})
+        finally:
+            for actions in actions_for(env, 3):
+                assert_same(env.step(actions), twin.step(actions))
+            assert_same(env.reset(), twin.reset())
+
+    return call
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:

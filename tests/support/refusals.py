@@ -9,7 +9,7 @@ import pytest
 
 
 @contextmanager
-def refuses(kind: type[Exception], *words: str) -> Iterator[None]:
+def refuses(kind: type[Exception] | tuple[type[Exception], ...], *words: str) -> Iterator[None]:
     """Check that the error is of this kind and says all of this: parameter, value, what is allowed."""
     with pytest.raises(kind) as caught:
         yield
@@ -27,7 +27,9 @@ def called(call: Any) -> object:
 
 
 def refused(
-    *cases: tuple[Any, str], by: Callable[[Any], object] = called, kind: type[Exception] = ValueError
+    *cases: tuple[Any, str],
+    by: Callable[[Any], object] = called,
+    kind: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Callable[[Any, str], None]:
     """Make a test of a table of what is refused.
 
