@@ -1,4 +1,4 @@
-"""Libraries that lay out their memory by an environment's first info; `test_info.py` holds what they need of it."""
+"""Libraries that lay out their memory by an environment's first info."""
 
 from pathlib import Path
 from typing import Any

@@ -9,8 +9,7 @@ import pytest
 
 from flexarm_agents import load_policy
 from flexarm_env.laps import LAPS
-
-SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
+from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, bare
 
 
 def followed(env: Any, lap: str, act: Callable[[Any], Any]) -> tuple[list[float], dict[str, Any]]:
@@ -39,49 +38,39 @@ def test_laps_follow_each_other(lap: str) -> None:
 @pytest.mark.parametrize("lap", LAPS)
 def test_the_inner_law_alone_keeps_within_two_metres(lap: str) -> None:
     """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found on the swing lap, at its start."""
-    errors, _ = followed(gymnasium.make(RESIDUAL, arm="linear"), lap, lambda observation: np.zeros(2, np.float32))
+    errors, info = followed(gymnasium.make(RESIDUAL, arm="linear"), lap, lambda observation: np.zeros(2, np.float32))
     assert len(errors) == 1600
+    assert info["time"] == pytest.approx(16.0, rel=1e-12)
     assert 0.0 < max(errors) < 2.0
 
 
-def readings(steps: int, **options: Any) -> np.ndarray:
-    """Return what the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
-    env = gymnasium.make(SQUARE, max_episode_steps=steps, error_limit=None, deflection_limit=None, **options)
+def changes(steps: int, **options: Any) -> np.ndarray:
+    """Return the control instants at which the sensor of a moving arm says something new. Shape (n,) [s]."""
+    env = gymnasium.make(SQUARE, max_episode_steps=steps, **FREE, **options)
     env.reset(seed=3, options={"start": "moving", "time": 0.5})
-    return np.array([env.step(np.zeros(2, np.float32))[4]["sensed"] for _ in range(steps)])
+    sensed = np.array([env.step(np.zeros(2, np.float32))[4]["sensed"] for _ in range(steps)])
+    return 0.01 * (2 + np.flatnonzero(np.any(np.diff(sensed, axis=0) != 0.0, axis=1)))
 
 
-@pytest.mark.parametrize("dropout", [0.0, 0.5, 0.9])
-def test_a_tick_of_a_slow_clock_is_lost_once(dropout: float) -> None:
-    """80 ticks in 8 s; what is lost stays lost, and is not drawn again at each control instant."""
-    sensed = readings(800, sensor_period=0.1, dropout=dropout)
-    new = np.any(np.diff(sensed, axis=0) != 0.0, axis=1).sum()
+@pytest.mark.parametrize(("period", "dropout"), [(0.1, 0.0), (0.1, 0.5), (0.1, 0.9), (0.0, 0.4), (0.0, 1.0)])
+def test_a_reading_is_lost_once(period: float, dropout: float) -> None:
+    """Ticks of a slow clock in 8 s, or readings of each control period in 0.8 s; none is drawn again."""
+    new = len(changes(800 if period else 80, sensor_period=period, dropout=dropout))
     expected = 80.0 * (1.0 - dropout)
     assert abs(new - expected) <= 1.0 + 4.0 * np.sqrt(80.0 * dropout * (1.0 - dropout))  # four deviations
 
 
 def test_jitter_of_a_slow_clock_is_even() -> None:
     """Ticks 50 ms apart arrive 31.2 to 71.2 ms late; a control instant sees them up to 10 ms later."""
-    limits = {"error_limit": None, "deflection_limit": None}
-    env = gymnasium.make(SQUARE, max_episode_steps=4000, sensor_period=0.05, jitter=0.04, **limits)
-    env.reset(seed=1, options={"start": "moving"})  # without torque the arm goes on moving
-    before, instants = None, []
-    for _ in range(4000):
-        info = env.step(np.zeros(2, np.float32))[4]
-        if before is not None and (info["sensed"] != before).any():
-            instants.append(info["time"])
-        before = info["sensed"]
+    instants = changes(4000, sensor_period=0.05, jitter=0.04)
     # (arrival - delay) mod hold is even over the jitter, then rounded up to a control instant
-    phase = np.mod(np.array(instants) - 9.0 / 288.33, 0.05)
-    counts, _ = np.histogram(phase, bins=5, range=(0.0, 0.05))
+    counts, _ = np.histogram(np.mod(instants - 9.0 / 288.33, 0.05), bins=5, range=(0.0, 0.05))
     assert len(instants) == pytest.approx(800, abs=5)
     assert counts.max() < 0.32 * len(instants)  # a minimum of several draws would put half into the first bin
 
 
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
 def test_a_strong_drawn_damping_is_stepped_finely_enough(env_id: str) -> None:
-    limits = {"error_limit": None, "deflection_limit": None, "physics_step": None}
-    env = gymnasium.make(env_id, arm="linear", randomisation={"damping": (0.5, 0.5)}, **limits)
-    env.reset(seed=0, options={"start": "corner"})
+    env = bare(env_id, start="corner", randomisation={"damping": (0.5, 0.5)}, physics_step=None, **FREE)
     for _ in range(20):
         assert not env.step(np.zeros(env.action_space.shape, np.float32))[2]

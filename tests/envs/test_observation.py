@@ -225,31 +225,6 @@ def test_a_slower_sensor_holds_its_reading() -> None:
     np.testing.assert_array_equal(run.sensed[same], run.sensed[same - 1])
 
 
-def test_jitter_makes_readings_later_and_never_older() -> None:
-    options = FINE | {"start": "corner", "frame": "world", "delay": 0.01, "jitter": 0.03}
-    run = recorded(env := bare(**options), size=0.1)
-    point = motion_of_the_point(env, options, run)
-    ages = run.block("reading_age")[12:, 0]
-    taken = run.times[12:] - ages
-    np.testing.assert_allclose(run.sensed[12:], point(taken), rtol=0.0, atol=1e-6)  # ages are float32
-    assert ages.min() >= 0.01 - 1e-7
-    assert ages.max() <= 0.01 + 0.03 + 0.03
-    held = np.abs(np.diff(taken)) < 1e-7
-    assert np.all(held | (np.diff(taken) >= 0.005 - 1e-7))
-    assert ages.std() > 0.004  # of an even distribution over 30 ms: 0.0087
-
-
-@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_lost_readings(share: float) -> None:
-    options = ALL | {"start": "corner", "frame": "world", "delay": 0.0, "dropout": share}
-    env = bare(**options)
-    run = recorded(env)
-    present = env.arm.position(run.states[:, : env.arm.size], 2, 4.5)
-    kept = np.all(run.sensed[1:] == run.sensed[:-1], axis=1)
-    np.testing.assert_allclose(run.sensed[1:][~kept], present[1:][~kept], rtol=0.0, atol=1e-12)
-    assert abs(kept.mean() - share) < 0.25  # 40 draws: three standard deviations
-
-
 @pytest.mark.parametrize("sensor", ["collocated", "rigid"])
 def test_sensors_that_see_the_joints_only(sensor: Any) -> None:
     """The point by rigid kinematics of the present angles, or of angles 40 and 20 ms old."""

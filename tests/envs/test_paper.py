@@ -1,5 +1,6 @@
 """The paper's set-up, `FlexArm/Paper-v0`: the law's torque, what its sensor sees, how an episode ends."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,13 @@ from tests.support.envs import PAPER, Array, bare, block
 STEPS = 60
 
 
-def paper(**options: Any) -> FlexArmEnv:
-    return bare(PAPER, **options)
+paper = partial(bare, PAPER)
 
 
 def recorded(env: FlexArmEnv) -> tuple[Array, list[dict[str, Any]]]:
-    observation, info = env.reset(seed=2)
-    observations, infos = [observation], [info]
-    for action in np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32):
-        observation, _, terminated, _, info = env.step(action)
-        assert not terminated
-        observations.append(observation)
-        infos.append(info)
-    return np.array(observations), infos
+    actions = np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32)
+    observations, infos = zip(env.reset(seed=2), *(env.step(action)[::4] for action in actions), strict=True)
+    return np.array(observations), list(infos)
 
 
 def test_the_set_up() -> None:
@@ -34,14 +29,6 @@ def test_the_set_up() -> None:
     law = env.settings.law
     assert (law.proportional_gain, law.derivative_gain, law.torque_limit) == (150.79, 17.364, None)
     assert (env.control_period, env.gain_limit, env.settings.substeps) == (1e-3, 1.0, 4)
-
-
-@pytest.mark.parametrize(("action", "gain"), [(-1.0, 0.0), (0.0, 2.0), (1.0, 4.0), (-7.0, 0.0), (1.5, 4.0), (0.5, 3.0)])
-def test_the_action_is_the_gain(action: float, gain: float) -> None:
-    """-1 to 1 onto 0 to gain_limit; what lies outside is limited."""
-    env = paper(gain_limit=4.0)
-    assert env.reset()[1]["gain"] == 0.0
-    assert env.step(np.array([action], np.float32))[4]["gain"] == gain
 
 
 def law_without_gain(env: FlexArmEnv, info: dict[str, Any]) -> Array:
@@ -56,13 +43,15 @@ def law_without_gain(env: FlexArmEnv, info: dict[str, Any]) -> Array:
 
 
 def test_the_torque_is_the_papers_law_times_the_gain() -> None:
-    """Reported as it acts when the period begins; at the reset there is none."""
+    """Actions of -1 to 1, limited to that, are gains of 0 to `gain_limit`; a reset has neither gain nor torque."""
     env = paper(sensor="collocated", gain_limit=4.0)
     info = env.reset(seed=0)[1]
-    np.testing.assert_array_equal(info["torque"], np.zeros(2))
-    for action in (*np.linspace(-1.0, 1.0, 9), *np.zeros(60)):
-        expected = 2.0 * (action + 1.0) * law_without_gain(env, info)
+    assert [info["gain"], *info["torque"]] == [0.0, 0.0, 0.0]
+    for action in (*np.linspace(-1.0, 1.0, 9), -7.0, 1.5, *np.zeros(60)):
+        gain = 2.0 * (np.clip(action, -1.0, 1.0) + 1.0)
+        expected = gain * law_without_gain(env, info)
         info = env.step(np.array([action], np.float32))[4]
+        assert info["gain"] == gain
         # rounding of the position, 1e-15 m, times gains of up to 1e4 N m/m; the command's velocity is a difference
         # quotient over 0.25 ms, with 1e-11 m/s of rounding
         np.testing.assert_allclose(info["torque"], expected, rtol=1e-9, atol=1e-8)

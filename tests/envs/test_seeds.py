@@ -2,7 +2,6 @@
 
 import copy
 import hashlib
-import inspect
 import pickle
 from functools import partial
 from pathlib import Path
@@ -30,9 +29,9 @@ from tests.support.envs import (
     bare,
     in_fresh_process,
     make,
-    shared_arm,
     vector,
 )
+from tests.support.programs import ROOT
 from tests.support.refusals import label
 
 NOISY: dict[str, Any] = RANDOM | POOR_SENSOR | FORESHORTENED  # of the square, whose kernels other tests compile, too
@@ -44,7 +43,7 @@ def noisy(env_id: str) -> dict[str, Any]:
 
 
 def digest(env: Any, steps: int = 10) -> str:
-    """Of all that an episode gives out, of one environment or several; runs in other processes too."""
+    """Of all that an episode gives out, of one environment or several."""
     bits = hashlib.sha256()
     for k in range(steps):
         observation, reward, _, _, info = env.step(np.full(env.action_space.shape, 0.5 * (k % 3 - 1.0), np.float32))
@@ -53,25 +52,10 @@ def digest(env: Any, steps: int = 10) -> str:
     return bits.hexdigest()
 
 
-EPISODE = f"""
-from __future__ import annotations
-import hashlib, pickle, sys
-from typing import Any
-import gymnasium as gym
-import numpy as np
-
-{inspect.getsource(digest)}
-"""
-SEEDED = f"""{EPISODE}
-env = gym.make(f"flexarm_env:{{sys.argv[3]}}", **{{}})
-np.random.seed(int(sys.argv[2]))  # somebody else's business
-observation, _ = env.reset(seed=int(sys.argv[1]))
-print(observation.tobytes().hex(), digest(env))
-"""
-CONTINUED = f"""{EPISODE}
-with open(sys.argv[1], "rb") as file:
-    print(digest(pickle.load(file)))
-"""
+def elsewhere(code: str, *arguments: str) -> str:
+    """Run code with the names of this module in another process; return what it prints."""
+    names = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.envs.test_seeds import *"
+    return in_fresh_process(f"{names}; {code}", *arguments)
 
 
 def seeded(seed: int | None, env: gym.Env[Any, Any]) -> str:
@@ -80,8 +64,8 @@ def seeded(seed: int | None, env: gym.Env[Any, Any]) -> str:
 
 @pytest.mark.parametrize(("env_id", "options"), [(SQUARE, NOISY), (PAPER, CALM)])
 def test_a_seed_repeats_across_processes_whatever_others_seed(env_id: str, options: dict[str, Any]) -> None:
-    code = SEEDED.replace("**{}", f"**{shared_arm(env_id, options)!r}")
-    assert in_fresh_process(code, "7", "1", env_id) == seeded(7, make(env_id, **options))
+    code = f"np.random.seed(1); print(seeded(7, make({env_id!r}, **{options!r})))"
+    assert elsewhere(code) == seeded(7, make(env_id, **options))
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -98,11 +82,9 @@ def test_seeds(env_id: str) -> None:
 
 def test_the_global_generator_is_neither_read_nor_moved() -> None:
     np.random.seed(0)  # noqa: NPY002  (the thing under test)
-    state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
+    before = pickle.dumps(np.random.get_state())  # noqa: NPY002
     first = seeded(7, make(**NOISY))
-    moved = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
-    assert state["pos"] == moved["pos"]
-    np.testing.assert_array_equal(state["key"], moved["key"])
+    assert pickle.dumps(np.random.get_state()) == before  # noqa: NPY002
     np.random.seed(1)  # noqa: NPY002
     assert seeded(7, make(**NOISY)) == first
 
@@ -177,4 +159,4 @@ def test_a_pickle_holds_no_compiled_code_and_continues_elsewhere(tmp_path: Path)
     assert len(data) < 100_000
     assert b"flexarm_torque" not in data  # the kernel modules' names
     (tmp_path / "env.pickle").write_bytes(data)
-    assert in_fresh_process(CONTINUED, str(tmp_path / "env.pickle")) == digest(env)
+    assert elsewhere("print(digest(pickle.load(open(sys.argv[1], 'rb'))))", str(tmp_path / "env.pickle")) == digest(env)

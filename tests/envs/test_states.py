@@ -9,8 +9,8 @@ import pytest
 
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, in_fresh_process, vector
+from tests.envs.test_seeds import NOISY, digest, elsewhere, noisy
+from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
 from tests.support.refusals import label, refuses
 
 ONE_MODE = {"modes_per_link": 1}
@@ -34,8 +34,7 @@ def run(env: FlexArmEnv, steps: int) -> list[Any]:
 @pytest.mark.usefixtures("uncompiled")
 def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any]) -> None:
     """And another one goes on from it, though its own episode has drawn another arm."""
-    env, other = bare(env_id, **options), bare(env_id, 4, **options)
-    env.reset(seed=3)
+    env, other = bare(env_id, 3, **options), bare(env_id, 4, **options)
     digest(env, 12)
     state = env.get_state()
     expected = run(env, 16)
@@ -52,50 +51,34 @@ def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any
 
 def test_another_environment_goes_on_in_its_place() -> None:
     """Into some rows of a batch of several blocks, which is elsewhere in its delay line, and back into one alone."""
-    env, other = bare(**NOISY), bare(**NOISY)
-    env.reset(seed=3)
+    env, other, envs = bare(seed=3, **NOISY), bare(seed=1, **NOISY), vector(SQUARE, 11, **NOISY)
     digest(env, 23)
-    state = env.get_state()
-    envs: FlexArmVectorEnv = vector(SQUARE, 11, **NOISY)
     envs.reset(seed=5)
     digest(envs, 7)
     rows = [9, 1]
-    before = envs.get_state()
-    observations, infos = envs.set_state(state, rows)
     others = np.delete(np.arange(11), rows)
-    np.testing.assert_array_equal(envs.get_state(others), before[others])
-    other.reset(seed=1)
+    before = envs.get_state(others)
+    observations, infos = envs.set_state(env.get_state(), rows)
+    np.testing.assert_array_equal(envs.get_state(others), before)
     observation, info = other.set_state(envs.get_state([9])[0])
-    for row in rows:
-        np.testing.assert_array_equal(observations[row], observation)
-        assert infos["tip_error"][row] == info["tip_error"]
+    np.testing.assert_array_equal(observations[rows], [observation] * 2)
+    np.testing.assert_array_equal(infos["tip_error"][rows], info["tip_error"])
     for _ in range(30):
         action = np.array([0.3, -0.1], np.float32)
-        seen, again = env.step(action), other.step(action)
-        np.testing.assert_equal(again, seen)
-        many = envs.step(np.tile(action, (11, 1)))
-        for row in rows:
-            np.testing.assert_array_equal(many[0][row], seen[0])
-            assert many[1][row] == seen[1]
-    reset = env.reset()
+        seen, many = env.step(action), envs.step(np.tile(action, (11, 1)))
+        np.testing.assert_equal(other.step(action), seen)
+        np.testing.assert_array_equal(many[0][rows], [seen[0]] * 2)
+        np.testing.assert_array_equal(many[1][rows], seen[1])
     envs.reset(options={"reset_mask": np.isin(np.arange(11), rows)})
-    np.testing.assert_array_equal(envs.simulator.observations[1], reset[0])
-    np.testing.assert_array_equal(envs.simulator.observations[9], reset[0])
+    np.testing.assert_array_equal(envs.simulator.observations[rows], [env.reset()[0]] * 2)
 
 
 def test_another_process_goes_on(tmp_path: Path) -> None:
     """It has other hashes of strings, and therefore sets of them in another order."""
-    env = bare()
-    env.reset(seed=3)
+    env = bare(seed=3)
     np.save(tmp_path / "state.npy", state := env.get_state())
-    code = f"""import sys
-import gymnasium
-import numpy as np
-env = gymnasium.make("flexarm_env:{SQUARE}", arm={env.settings.arm!r}).unwrapped
-env.reset(seed=0)
-print(env.set_state(np.load(sys.argv[1]))[1]["state"].tolist())"""
-    found = in_fresh_process(code, str(tmp_path / "state.npy"))
-    assert found == str(env.set_state(state)[1]["state"].tolist())
+    code = "print(bare().set_state(np.load(sys.argv[1]))[1]['state'].tolist())"
+    assert elsewhere(code, str(tmp_path / "state.npy")) == str(env.set_state(state)[1]["state"].tolist())
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -112,20 +95,16 @@ def test_a_batch_goes_back_across_the_ends_of_episodes(mode: str) -> None:
 
 
 def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
-    env = bare(SQUARE, randomisation={"payload_mass": (0.0, 0.5)})
-    env.reset(seed=3)
-    strict = bare(SQUARE, deflection_limit=0.01, reward_weights={"tracking_wide": 3.0})
-    strict.reset(seed=1)
+    env = bare(seed=3, randomisation={"payload_mass": (0.0, 0.5)})
+    strict = bare(seed=1, deflection_limit=0.01, reward_weights={"tracking_wide": 3.0})
     _, info = strict.set_state(env.get_state())
     assert strict.episode.parameters["payload_mass"] == env.episode.parameters["payload_mass"] > 0.0
     assert info["end_code"] == 0.0
     action = np.ones(2, np.float32)
-    (_, reward, ended, _, _), (_, usual, going, _, _) = strict.step(action), env.step(action)
+    ended = going = False
     while not (ended or going):
-        _, reward, ended, _, _ = strict.step(action)
-        _, usual, going, _, _ = env.step(action)
-    assert ended
-    assert not going
+        (_, reward, ended, _, _), (_, usual, going, _, _) = strict.step(action), env.step(action)
+    assert (ended, going) == (True, False)
     assert reward != usual
     assert strict.set_state(strict.get_state())[1]["end_code"] > 0.0
 
@@ -134,10 +113,8 @@ def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
     ("options", "change", "message"),
     [
         ({"delay": 0.05}, None, "is of an environment with other options"),
-        ({"observation": ["joint_rates"]}, None, "is of an environment with other options"),
         ({"reference": "circle"}, None, "is of an environment with other options"),
         ({}, lambda state: state[:-1], "is of an environment with other options"),
-        ({}, lambda state: state[:0], "is of an environment with other options"),
         ({}, lambda state: state ^ (np.arange(len(state)) == 99).astype(np.uint64), "its check sum is wrong"),
         ({}, lambda state: state[None, None], r"must have shape \(k,\), got \(1, 1"),
         ({}, lambda state: np.stack([state, state]), r"must have shape \(k,\), got \(2"),
@@ -146,9 +123,7 @@ def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
     ],
 )
 def test_other_states_are_refused_and_change_nothing(options: dict[str, Any], change: Any, message: str) -> None:
-    source, env = bare(**options), bare()
-    source.reset(seed=0)
-    env.reset(seed=1)
+    source, env = bare(**options), bare(seed=1)
     before = env.get_state()
     state = source.get_state()
     with pytest.raises((TypeError, ValueError), match=message):
@@ -165,9 +140,7 @@ def test_rows_are_indices(rows: Any) -> None:
             call(rows)
 
 
-@pytest.mark.parametrize(
-    "made", [partial(FlexArmEnv, render_mode="rgb_array"), partial(FlexArmVectorEnv, 2)], ids=label
-)
+@pytest.mark.parametrize("made", [partial(FlexArmEnv, render_mode="rgb_array"), partial(FlexArmVectorEnv, 2)])
 def test_what_needs_a_reset_first(made: Any) -> None:
     env = made()
     assert not hasattr(env, "episode")
@@ -183,7 +156,6 @@ def test_what_needs_a_reset_first(made: Any) -> None:
 
 def test_another_generator_is_refused() -> None:
     env = bare()
-    env.reset(seed=0)
     env.np_random = np.random.Generator(np.random.MT19937(0))
     with refuses(TypeError, "np_random: its bit generator is MT19937; must be PCG64"):
         env.get_state()

@@ -66,15 +66,16 @@ def test_time_stamps_tell_the_drawn_delay() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("youngest", "oldest", "options"),
     [
-        {"jitter": 0.02, "dropout": 0.3},
-        {"sensor_period": 0.025, "jitter": 0.03, "dropout": 0.2},
-        {"outage_time": 0.1, "outage_duration": 0.15, "randomisation": {"delay": (0.0, 0.05)}},
+        (0.02, 0.055, {"jitter": 0.03}),
+        (0.02, 1.0, {"jitter": 0.02, "dropout": 0.3}),
+        (0.02, 1.0, {"sensor_period": 0.025, "jitter": 0.03, "dropout": 0.2}),
+        (0.0, 0.3, {"outage_time": 0.1, "outage_duration": 0.15, "randomisation": {"delay": (0.0, 0.05)}}),
     ],
     ids=str,
 )
-def test_a_reading_is_the_tip_of_its_age_ago(options: dict[str, Any]) -> None:
+def test_a_reading_is_the_tip_of_its_age_ago(youngest: float, oldest: float, options: dict[str, Any]) -> None:
     """Held, lost and jittered readings: the true tip, by a spline through all periods, then; errors are held, too."""
     env = PlainEnvironment(
         arm={"modes_per_link": 1}, start="corner", delay=0.02, scaled=False, frame="world", control_period=5e-3,
@@ -92,6 +93,7 @@ def test_a_reading_is_the_tip_of_its_age_ago(options: dict[str, Any]) -> None:
     times, late = 5e-3 * np.arange(60), np.array(ages)
     known, held = times - late > 0.01, np.r_[False, np.diff(late) > 0.00499]
     assert known.sum() > 30
+    assert youngest - 1e-7 <= late.min() <= late[30:].max() <= oldest
     assert len(np.unique(np.round(late, 5))) > 5
     tip = CubicSpline(times, np.array(tips))(times - late)
     # vibrations of 20 Hz between points 5 ms apart leave the spline within 1e-4 of the tip; it moves by 1 mm a period
