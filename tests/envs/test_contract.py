@@ -29,7 +29,6 @@ from tests.support.envs import (
     SQUARE,
     assert_same,
     bare,
-    block,
     in_fresh_process,
     kinds_of,
     make,
@@ -197,16 +196,6 @@ def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, A
     assert np.all(env.observation_scale > 0.0)
     assert env.settings.scaled or np.all(env.observation_scale == 1.0)
     assert np.isfinite(env.observation_space.high).all()
-
-
-def test_the_lap_goes_on_after_its_end() -> None:
-    """The second lap is the first again: what acts on the arm knows no end of the lap."""
-    env = bare(error_limit=None, deflection_limit=None, lap_time=0.5, side=0.5, start="corner")
-    rows = [env.step(np.zeros(2, np.float32))[0] for _ in range(101)]
-    position = np.array([block(env, row, "reference_position") for row in rows])
-    np.testing.assert_allclose(position[50:], position[:51], atol=1e-6)  # float32
-    previews = np.array([block(env, row, "previews") for row in rows])
-    np.testing.assert_allclose(previews[50:], previews[:51], atol=1e-6)
 
 
 WORKERS = 2

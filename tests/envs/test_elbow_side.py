@@ -27,19 +27,17 @@ def test_changes_of_the_elbows_side_are_counted() -> None:
     inner = env.unwrapped
     policy = FLSAC.for_env(env)
     observation, info = env.reset(seed=0, options={"start": "corner"})
-    states, sides, changes = [info["state"]], [info["elbow_side"]], [info["elbow_changes"]]
+    infos = [info]
     for _ in range(5000):
         observation, *_, info = env.step(policy.predict(observation)[0])
-        states.append(info["state"])
-        sides.append(info["elbow_side"])
-        changes.append(info["elbow_changes"])
+        infos.append(info)
+    states, sides, changes = (np.array([i[name] for i in infos]) for name in ("state", "elbow_side", "elbow_changes"))
     np.testing.assert_array_equal(changes, np.cumsum([0.0, *(np.diff(sides) != 0.0)]))
     none, time = np.zeros((5001, 2)), 1e-3 * np.arange(5001.0)
-    run = inner.arm.record(time, np.array(states), none, reference=none)
-    assert changes[-1] == len(elbow_changes(run)) >= 1
-    bent = [abs(math.sin(state[1])) > math.sin(1.001 * STRAIGHT) for state in states]
-    expected = np.sign(np.sin(np.array(states)[bent, 1]))
-    np.testing.assert_array_equal(np.array(sides)[bent], expected)
+    assert changes[-1] == len(elbow_changes(inner.arm.record(time, states, none, reference=none))) >= 1
+    sines = np.sin(states[:, 1])
+    bent = np.abs(sines) > math.sin(1.001 * STRAIGHT)
+    np.testing.assert_array_equal(sides[bent], np.sign(sines[bent]))
     assert isinstance(inner, FlexArmEnv)
     state = inner.reset(options={"start": "corner"})[1]["state"]
     state[1] *= -1.0

@@ -27,8 +27,6 @@ def stepped(env: Any, steps: int, seed: int = 0) -> Any:
 def test_a_picture_shows_the_present_instant(env_id: str, arm: str) -> None:
     env = gymnasium.make(env_id, arm=arm, render_mode="rgb_array")
     first, later, again = stepped(env, 0), stepped(env, 20), stepped(env, 20)
-    assert first.shape == (600, 600, 3)
-    assert first.dtype == np.uint8
     assert (first != later).any()
     np.testing.assert_array_equal(later, again)
 
@@ -55,9 +53,7 @@ def test_a_batch_draws_each_of_its_arms() -> None:
 
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
-    env = RecordVideo(
-        gymnasium.make(GAIN, render_mode="rgb_array"), str(tmp_path / "videos"), episode_trigger=lambda episode: True
-    )
+    env = RecordVideo(gymnasium.make(GAIN, render_mode="rgb_array"), str(tmp_path / "videos"), lambda episode: True)
     assert env.metadata["render_fps"] == 100  # real time: a picture for each 10 ms
     stepped(env, 10)
     env.close()

@@ -9,19 +9,14 @@ from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS, SCALAR
 from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import SQUARE, WAYPOINTS, Array, bare, vector
+from tests.support.envs import WAYPOINTS, Array, bare, vector
 from tests.support.plain import PlainEnvironment
-from tests.support.refusals import refuses
+from tests.support.refusals import refused
 
 # Numbers are compared exactly. A reflection changes signs alone, sums and products of numbers with other signs round to
 # the same magnitudes, and sine and arctangent are our own odd functions; so no tolerance is needed.
-FURTHER_SENSORS = {
-    "second_sensor_link": 1,
-    "second_sensor_delay": 0.0137,
-    "imu_link": 2,
-    "imu_position": 3.0,
-    "imu_delay": 0.0042,
-}
+FURTHER_SENSORS = {"second_sensor_link": 1, "second_sensor_delay": 0.0137}
+FURTHER_SENSORS |= {"imu_link": 2, "imu_position": 3.0, "imu_delay": 0.0042}
 PATHS: list[dict[str, Any]] = [
     {"reference": "circle"},
     {"reference": "line", "frame": "world", "start_corner": "upper right"},
@@ -123,13 +118,8 @@ def test_an_episode_from_another_state() -> None:
 
 
 def test_each_block_declares_what_it_is() -> None:
-    assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == {
-        "lap_phase",
-        "time",
-        "reading_age",
-        "inner_gain",
-        "episode_parameters",
-    }
+    scalars = {"lap_phase", "time", "reading_age", "inner_gain", "episode_parameters"}
+    assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == scalars
     assert {name for sensor in FURTHER for name in sensor.blocks} <= set(blocks_of("torque"))
     assert {name for name, block in BLOCKS.items() if block.mirror is None} == {"last_actions"}
 
@@ -148,10 +138,9 @@ def test_the_maps_take_batches() -> None:
     np.testing.assert_array_equal(gain.mirror_action([0.3]), np.float32([0.3]))
 
 
-@pytest.mark.parametrize(("what", "size"), [("observation", 42), ("action", 2)])
-def test_other_shapes_are_refused(what: str, size: int) -> None:
-    env = bare(SQUARE)
-    with refuses(ValueError, f"{what}: must have shape (..., {size}), got (3,)"):
-        getattr(env, f"mirror_{what}")(np.zeros(3))
-    with refuses(ValueError, f"{what}: must have shape (..., {size}), got ()"):
-        getattr(env, f"mirror_{what}")(1.0)
+test_other_shapes_are_refused = refused(
+    (("observation", np.zeros(3)), r"observation: must have shape \(..., 42\), got \(3,\)"),
+    (("action", np.zeros(3)), r"action: must have shape \(..., 2\), got \(3,\)"),
+    (("action", 1.0), r"action: must have shape \(..., 2\), got \(\)"),
+    by=lambda given: getattr(bare(), f"mirror_{given[0]}")(given[1]),
+)

@@ -24,7 +24,6 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
     (SQUARE, ValueError): [
         (r"arm = 'papers': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": "papers"}),
         (r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le", {"arm": {"mass": 1.0}}),
-        (r"modes_per_link = 5: must be an integer from 1 to 4", {"arm": {"modes_per_link": 5}}),
         (r"arm = 'new': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": {"preset": "new"}}),
         (r"payload_changes = \(\(0\.1, 1\.0\),\): must be two changes at least", {"payload_changes": ((0.1, 1.0),)}),
         (r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619", {"physics_step": 0.02}),
@@ -33,8 +32,6 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"delay = .* one number \[s\].*randomisation=.'delay': \(0\.1, 0\.2\)", {"delay": (0.1, 0.2)}),
         (r"sensor_position = 4\.0 m: .*; side = 12\.6 m: ", {"arm": {"link_lengths": (3, 3)}, "sensor_position": 4.0}),
         (r"delay = 0\.1: .* must be None", {"sensor": "collocated", "delay": 0.1}),
-        (r"sensor_period = -1\.0: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"sensor_period": -1.0}),
-        (r"sensor_period = 1e-311: must be .* >= 1e-06 and <= 10\.0 \[s\]", {"sensor_period": 1e-311}),
         (r"observation = 'tip': must be one of 'joint_angles', ", {"observation": ["tip"]}),
         (r"observation = \[\]: must hold at least one name, and each only once", {"observation": []}),
         (r"observation = .*: must hold .* each only once", {"observation": ["lap_phase"] * 2}),
@@ -44,15 +41,10 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"waypoints = None: must be given with the reference 'waypoints'", {"reference": "waypoints"}),
         (r"waypoints = .*only with it; reference = \('square',\)", {"waypoints": WAYPOINTS}),
         (r"^waypoints: must be at least 2 points, got 1$", {"reference": "waypoints", "waypoints": [(1.0, 1.0)]}),
-        (r"way-point .* misses it by", {"reference": "waypoints", "waypoints": [(9.0, 9.0), (0.0, 1.0)]}),
         (r"path: way-point .* misses it by 0\.05097 m", {"side": 12.8}),
-        (r"randomisation\['mass'\]: no such quantity; there are 'delay'", {"randomisation": {"mass": (0.0, 1.0)}}),
         (r"\['stiffness'\]\[0\] = 0\.0: must be .* >= 0\.1", {"randomisation": {"stiffness": (0.0, 1.0)}}),
         (r"\['noise'\] = .*the first must not be above the sec", {"randomisation": {"noise": (0.2, 0.1)}}),
-        (
-            r"randomisation\['delay'\]: a collocated sensor has no delay",
-            {"randomisation": {"delay": (0.0, 0.1)}, "sensor": "collocated"},
-        ),
+        (r"\['delay'\]: a collocated sensor", {"randomisation": {"delay": (0.0, 0.1)}, "sensor": "collocated"}),
         (r"reward_weights\['speed'\]: no such term; there are 'tracking_wide'", {"reward_weights": {"speed": 1.0}}),
         (r"reward_weights\['effort'\] = -1000.*: must be .* >= -1000", {"reward_weights": {"effort": -1e13}}),
         (r"reward_weights = .*: one at least must not be 0", {"reward_weights": {"effort": 0.0}}),
@@ -70,16 +62,10 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         ("side = 8.0: has no effect here", {"reference": "moves", "side": 8.0}),
         ("lap_time = 0.2 s: must be at least 40 control periods", {"reference": "moves", "lap_time": 0.2}),
         ("start = 'mix' with lap_time = 0.3 s", {"lap_time": 0.3}),
-        (r"randomisation\['payload_mass'\]\[1\] = 1000000000.0", {"randomisation": {"payload_mass": (0.0, 1e9)}}),
         (r"second_sensor_link = 1: has no effect here; .*'second_sensed_po", {"second_sensor_link": 1}),
         (r"second_sensor_position = 1\.0: has no .*second_sensor_link", {"second_sensor_position": 1.0}),
-        (r"second_sensor_delay = 0\.1: has no .*second_sensor_link", {"second_sensor_delay": 0.1}),
-        (r"second_sensor_noise = 0\.1: has no .*second_sensor_link", {"second_sensor_noise": 0.1}),
         (r"second_sensor_position = 4\.6 m: .*link 1, .*4\.5", ON_LINK_1 | {"second_sensor_position": 4.6}),
-        (
-            r"observation block 'second_sensor_error': there is no second sensor; give second_sensor_link",
-            {"observation": ["second_sensor_error"]},
-        ),
+        (r"there is no second sensor; give second_sensor_link", {"observation": ["second_sensor_error"]}),
         (r"imu_link = 1: has no effect here; .*'accelerometer' or 'gyro'", {"imu_link": 1}),
         (r"imu_bias = .*: has no .* an IMU: imu_link = 1 or 2", {"imu_bias": (0.1, 0.1)}),
         (r"observation block 'gyro': there is no IMU; give imu_link", {"observation": ["gyro"]}),
@@ -88,10 +74,7 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"render_mode = 'ansi': must be one of 'rgb_array', 'human'", {"render_mode": "ansi"}),
     ],
     (SQUARE, TypeError): [
-        (
-            r"arm = 2: must be one of 'default', 'linear', 'paper', 'quanser', .* or a mapping of ArmParameters fields",
-            {"arm": 2},
-        ),
+        (r"arm = 2: must be one of 'default', .* or a mapping of ArmParameters fields", {"arm": 2}),
         (r"delay = 'late': must be a .* \[s\]", {"delay": "late"}),
         (r"observation = 'lap_phase': must be a list or a tuple", {"observation": "lap_phase"}),
         (r"observation = \[1\]: must hold names", {"observation": [1]}),
@@ -104,7 +87,6 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"termination = True: must be a function", {"termination": True}),
         (r"torque_limit = <memory at .*: must be a pair of numbers", {"torque_limit": memoryview(b"ab")}),
         (r"FlexArmEnv\.__init__\(\) got an unexpected keyword argument 'wind'; see help\(FlexArmEnv\)", {"wind": 3.0}),
-        (r"argument 'torque_limits'; did you mean 'torque_limit'\?", {"torque_limits": (1.0, 1.0)}),
     ],
     (PAPER, ValueError): [
         (r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed", {"physics_step": 0.1}),
@@ -115,20 +97,12 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"delay\[1\] = inf: must be .* \[s\]", {"delay": (0.01, math.inf)}),
     ],
     (GAIN, ValueError): [
-        (
-            r"compensation = 'shared': has no effect here; only with feedback_source = 'sensor'",
-            {"compensation": "shared"},
-        ),
+        (r"compensation = 'shared': has no effect here; only with feedback_source", {"compensation": "shared"}),
         (r"delayed = 'position\+rate': has no effect here; only with feedback_source", {"delayed": "position+rate"}),
         (r"rate_jacobian = 'current': has no effect here; only with feedback_source", {"rate_jacobian": "current"}),
         ("no block 'torque' with action_mode = 'gain'; only with 'torque_rate'", {"observation": ["torque"]}),
     ],
-    (RESIDUAL, ValueError): [
-        (r"inner_damping: its fastest pole .* integration st", {"inner_damping": (1e9, 1e9)}),
-    ],
-    (PAPER, TypeError): [
-        (r"keyword argument 'gainlimit'; did you mean 'gain_limit'\?", {"gainlimit": 1.0}),
-    ],
+    (RESIDUAL, ValueError): [(r"inner_damping: its fastest pole .* integration st", {"inner_damping": (1e9, 1e9)})],
 }
 MESSAGES = [(*kind, *row) for kind, rows in REFUSED.items() for row in rows]
 
@@ -207,11 +181,7 @@ def test_messages_stay_short(name: str, value: Any) -> None:
 
 @pytest.mark.parametrize(
     ("option", "near"),
-    [
-        ("frameskip", "'frame'"),
-        ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'"),
-        ("gan_limit", "'gain_limit'"),
-    ],
+    [("frameskip", "'frame'"), ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'")],
 )
 def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -> None:
     """TorchRL looks for these."""

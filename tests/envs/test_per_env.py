@@ -192,23 +192,14 @@ def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
     assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).simulator.each} == {50}
 
 
-def goes_clockwise(env: Any) -> bool:
-    """Whether the reference goes round the shoulder clockwise, from the lower left corner on."""
-    x, y = env.step(np.zeros(2, np.float32))[4]["reference"] - (-6.3, -6.3)
-    return bool(y > x)
-
-
 @pytest.mark.parametrize("branch", ["positive", "negative"])
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
 def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) -> None:
-    requested = bare(start="corner", elbow_branch="positive")
-    made = bare(start="corner", elbow_branch=branch, direction=direction)
     options = {"elbow_branch": branch, "direction": direction}
+    requested, made = bare(start="corner", elbow_branch="positive"), bare(start="corner", **options)
     assert_same(requested.reset(seed=3, options=options), made.reset(seed=3))
     assert (requested.episode.elbow_branch, requested.episode.direction) == (branch, direction)
-    action = np.array([0.3, -0.2], np.float32)
-    for _ in range(5):
-        assert_same(requested.step(action), made.step(action))
+    assert_same(requested.step(np.zeros(2, np.float32)), made.step(np.zeros(2, np.float32)))
     requested.reset()  # options are of one episode
     assert (requested.episode.elbow_branch, requested.episode.direction) == ("positive", "clockwise")
 
@@ -218,12 +209,8 @@ def test_which_ids_draw_the_branch(env_id: str) -> None:
     """All but the moves, whose other branch is a mirror image, the paper's set-up, races; a seed decides the draw."""
     env = make(env_id, start="corner").unwrapped
     assert isinstance(env, FlexArmEnv)
-    drawn = []
-    for seed in range(12):
-        env.reset(seed=seed)
-        drawn.append(env.episode.elbow_branch)
-        env.reset(seed=seed)
-        assert env.episode.elbow_branch == drawn[-1]
+    drawn = [(env.reset(seed=seed), env.episode.elbow_branch)[1] for seed in (*range(12), *range(12))]
+    assert drawn[:12] == drawn[12:]
     one_side = {"FlexArm/Reach-v0": "positive", "FlexArm/Paper-v0": "positive", "FlexArm/Race-v0": "negative"}
     assert set(drawn) == ({one_side[env_id]} if env_id in one_side else {"positive", "negative"})
 
@@ -233,8 +220,7 @@ def test_which_ids_draw_the_branch(env_id: str) -> None:
 def test_the_standard_laps(lap: str, clockwise: float, direction: str) -> None:
     """theta2 > 0 at the start of the clockwise swing lap; where the direction is drawn, a lap is clockwise."""
     env = bare(direction=direction)
-    options = LAPS[lap].reset_options(direction)
-    state = env.reset(options=options)[1]["state"]
+    state = env.reset(options=LAPS[lap].reset_options(direction))[1]["state"]
     other = direction == "counterclockwise"
     assert np.sign(state[1]) == (-clockwise if other else clockwise)
     assert env.episode.direction == ("counterclockwise" if other else "clockwise")
@@ -253,7 +239,8 @@ def test_either_is_drawn_for_each_episode() -> None:
         info = env.reset(seed=seed)[1]
         branch, direction = env.episode.elbow_branch, env.episode.direction
         assert (branch == "positive") == (info["state"][1] > 0.0)
-        assert (direction == "clockwise") == goes_clockwise(env)
+        x, y = env.step(np.zeros(2, np.float32))[4]["reference"]  # from the lower left corner on
+        assert (direction == "clockwise") == (y > x)
         seen.add((branch, direction))
     assert len(seen) == 4
 

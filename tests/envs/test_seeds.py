@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from flexarm_env.envs.seeding import AHEAD, EpisodeKeys, new_keys
 from flexarm_env.envs.single import FlexArmEnv
+from tests.envs.test_draws import ALL, EITHER
 from tests.support.envs import (
     CALM,
     FORESHORTENED,
@@ -126,10 +127,10 @@ def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], see
 
 
 COPIED = [(partial(made, name, **noisy(name)), 30) for made in (make, bare) for name in (SQUARE, RESIDUAL, PAPER)]
+COPIED.append((partial(bare, arm={"modes_per_link": 1}, randomisation=ALL, **EITHER), 5))
 COPIED += [  # across resets, with a pool of threads that no pickle can hold
     (partial(vector, env_id, count, max_episode_steps=steps + 2, threads=threads, **noisy(env_id)), steps)
-    for env_id, count, steps in ((SQUARE, 11, 20), (PAPER, 9, 3))
-    for threads in (1, 2)
+    for env_id, count, steps, threads in ((SQUARE, 11, 20, 1), (SQUARE, 11, 20, 2), (PAPER, 9, 3, 2))
 ]
 
 

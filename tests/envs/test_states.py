@@ -9,6 +9,7 @@ import pytest
 
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.envs.test_draws import ALL, EITHER
 from tests.envs.test_seeds import NOISY, digest, elsewhere, noisy
 from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
 from tests.support.refusals import label, refuses
@@ -17,6 +18,7 @@ ONE_MODE = {"modes_per_link": 1}
 DRAWN = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}
 CHANGES = ((0.03 / 16, None), (0.14 / 16, 0.0))  # one before the state, one after it
 CASES: list[tuple[str, dict[str, Any]]] = [(name, noisy(name)) for name in (SQUARE, RESIDUAL, PAPER, REACH)]
+CASES.append((SQUARE, {"arm": ONE_MODE, "randomisation": ALL, **EITHER}))
 CASES.append((SQUARE, {"arm": ONE_MODE, "motor_time_constant": (0.013, 0.004)}))
 CASES.append((SQUARE, {"arm": ONE_MODE, "randomisation": DRAWN, "payload_changes": CHANGES, "start": "corner"}))
 
@@ -44,6 +46,7 @@ def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any
     env.set_state(state)
     np.testing.assert_equal((env.simulator.single_observation, env._infos.read()), (observation, info))
     np.testing.assert_equal(other.set_state(state), (observation, info))
+    assert other.episode == env.episode
     np.testing.assert_equal(run(other, 8), expected[:8])  # until it begins an episode of its own
     if "payload_changes" in options:
         assert {step[-1]["payload"] == 0.0 for step in expected[:8]} == {True, False}
