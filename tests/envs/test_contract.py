@@ -219,6 +219,17 @@ def test_gymnasiums_worker_processes(context: str) -> None:
     assert_same(found, played(FlexArmVectorEnv(WORKERS, **OPTIONS)))
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # the library's own warnings
+def test_torchrl_reads_infos() -> None:
+    """It lays out its memory by the first one; the recipe runs it without infos, and a batch."""
+    envs = pytest.importorskip("torchrl.envs", reason="the extra `recipes` brings it")
+    env = envs.GymEnv(f"flexarm_env:{SQUARE}")
+    env.auto_register_info_dict()
+    envs.check_env_specs(env)
+    assert "tip_error" in env.rollout(5)["next"].keys()  # noqa: SIM118  (a TensorDict)
+
+
 @pytest.mark.slow  # each worker imports torch
 def test_stable_baselines3s_worker_processes() -> None:
     env_util = pytest.importorskip("stable_baselines3.common.env_util")

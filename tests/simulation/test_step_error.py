@@ -11,16 +11,15 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import PRESETS
 from flexarm_env.simulation.stability import count_substeps
 from flexarm_env.simulation.step_error import BENT, TOLERANCE, enough_steps, expected_error
-from tests.support.refusals import refuses
 from tests.validation.test_steps import PERIOD, tip_errors
 
 EPISODES = 64
 RIGIDITY = 1676.0
 
 
-def measured(parameters: ArmParameters, limits: tuple[float, float], count: int, seed: int) -> np.ndarray:
-    """Errors of the tip after a second of random torques, against a quarter of the step. Shape (EPISODES,) [m]."""
-    return tip_errors(parameters, limits, [count], EPISODES, seed)[count]
+def median_error(parameters: ArmParameters, limits: tuple[float, float], count: int, seed: int) -> float:
+    """Error of the tip after a second of random torques, against a quarter of the step [m]."""
+    return float(np.median(tip_errors(parameters, limits, [count], EPISODES, seed)[count]))
 
 
 def drawn(seed: int, base: ArmParameters) -> ArmParameters:
@@ -46,18 +45,19 @@ def bearable(parameters: ArmParameters) -> tuple[float, float]:
     return TORQUE_LIMIT[0] * share, TORQUE_LIMIT[1] * share
 
 
-def stable_steps(parameters: ArmParameters) -> int:
-    """Count the steps of a period that stability alone demands."""
-    return count_substeps(PERIOD, None, "explicit", FlexibleArm(parameters).fastest_rate(), "the arm")
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_drawn_arms_keep_the_expected_error(seed: int) -> None:
-    parameters = drawn(seed, ArmParameters())
-    limits = bearable(parameters)
-    count = enough_steps(parameters, limits, PERIOD, stable_steps(parameters))
-    # of 60 arms drawn in this way the largest median was 0.12 mm
-    assert np.median(measured(parameters, limits, count, seed)) < 2.0 * TOLERANCE
+@pytest.mark.parametrize(
+    ("seed", "base", "share"),
+    [(seed, ArmParameters(), 1.0) for seed in range(12)] + [(seed, ArmParameters.linear(), 0.3) for seed in range(4)],
+)
+def test_drawn_arms_keep_the_expected_error(seed: int, base: ArmParameters, share: float) -> None:
+    """With linear kinematics fast turns make soft links: their errors spread over three orders of magnitude."""
+    parameters = drawn(seed, base)
+    shoulder, elbow = bearable(parameters)
+    limits = share * shoulder, share * elbow
+    stable = count_substeps(PERIOD, None, "explicit", FlexibleArm(parameters).fastest_rate(), "the arm")
+    count = enough_steps(parameters, limits, PERIOD, stable)
+    # of 60 foreshortened arms drawn in this way the largest median was 0.12 mm
+    assert median_error(parameters, limits, count, seed) < 2.0 * TOLERANCE
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -67,17 +67,7 @@ def test_joints_with_dry_friction_keep_it(seed: int) -> None:
     arm = {"coulomb_friction": 10.0 ** rng.uniform([0.3, 0.0], [1.2, 0.7]), "friction_smoothing": rng.uniform(0.1, 1.0)}
     settings = Settings.of({"arm": arm | {"breakaway_excess": 0.5 * arm["coulomb_friction"]}})
     parameters = settings.flexible_arm.parameters
-    assert np.median(measured(parameters, TORQUE_LIMIT, settings.substeps, seed)) < 2.0 * TOLERANCE
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_linear_kinematics_keep_it_under_torques_that_bend_them_little(seed: int) -> None:
-    """Fast turns make such links soft: their errors spread over three orders of magnitude."""
-    parameters = drawn(seed, ArmParameters.linear())
-    shoulder, elbow = bearable(parameters)
-    limits = (0.3 * shoulder, 0.3 * elbow)
-    count = enough_steps(parameters, limits, PERIOD, stable_steps(parameters))
-    assert np.median(measured(parameters, limits, count, seed)) < 2.0 * TOLERANCE
+    assert median_error(parameters, TORQUE_LIMIT, settings.substeps, seed) < 2.0 * TOLERANCE
 
 
 def test_an_undamped_arm_keeps_its_energy() -> None:
@@ -105,9 +95,7 @@ def test_every_preset_has_a_default_step() -> None:
         assert how.expected_error <= TOLERANCE
 
 
-def test_a_coarser_step_is_taken_with_a_warning_and_an_unstable_one_refused() -> None:
+def test_a_coarser_step_is_taken_with_a_warning() -> None:
     with pytest.warns(UserWarning, match=r"physics_step = 0\.0025 s: .* off by about 0\.11 mm"):
         settings = Settings.of({"physics_step": 2.5e-3})
     assert settings.integration.substeps == 4
-    with refuses(ValueError, "physics_step = 0.005", "at most"):
-        Settings.of({"physics_step": 5e-3})
