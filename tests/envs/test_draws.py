@@ -17,7 +17,6 @@ from tests.support.envs import (
     RESIDUAL,
     SQUARE,
     WITHOUT_ERRORS,
-    actions_for,
     assert_same,
     bare,
     exact_actions,
@@ -106,19 +105,6 @@ def test_each_number_has_its_own_share_of_an_episode() -> None:
 def test_a_batch_draws_as_single_environments() -> None:
     ranges = [ALL, ALL | {"elbow_mass": (0.0, 0.1)}, ALL]
     same_as_alone(SQUARE, 3, {"arm": "default", **STEP, **EITHER}, 30, per_env={"randomisation": ranges})
-
-
-def test_an_episode_that_begins_in_the_same_step_draws_as_one_in_the_next() -> None:
-    same, following = (
-        vector(SQUARE, 3, max_episode_steps=9, autoreset_mode=mode, randomisation=ALL, **STEP, **EITHER)
-        for mode in ("SameStep", "NextStep")
-    )
-    assert_same(same.reset(seed=7), following.reset(seed=7))
-    for action in actions_for(same, 9):
-        found = same.step(action)
-        following.step(action)
-    assert_same(found[0], following.step(action)[0])
-    assert_same(same.episode, following.episode)
 
 
 @pytest.mark.parametrize(

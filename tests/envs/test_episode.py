@@ -1,4 +1,4 @@
-"""The description of an episode, and registered limits shorter than a lap."""
+"""The description of an episode, registered limits shorter than a lap, success, and the codes of ends."""
 
 import pickle
 from typing import Any
@@ -7,12 +7,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from flexarm_agents import FlexArmVecEnv
-from flexarm_env import run_policy
-from flexarm_env.envs.info import Episode
+from flexarm_env import end_reason, run_policy
+from flexarm_env.envs.info import Episode, info_keys
+from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.reset_options import DRAWN
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import SQUARE, make, vector
+from flexarm_env.envs.termination import END_CODES, ENDS
+from tests.support.envs import REACH, SQUARE, make, vector
+from tests.support.refusals import refuses
 
 RANDOM_EPISODES: dict[str, Any] = {
     "randomisation": {"payload_mass": (0.0, 0.5), "delay": (0.01, 0.05)},
@@ -33,15 +35,6 @@ def test_the_episode_is_described_by_a_copy() -> None:
         batch.step(np.zeros((4, 2), np.float32))
     assert pickle.dumps(described) == before
     assert (batch.episode.parameters["payload_mass"] != described.parameters["payload_mass"]).all()
-
-
-def test_stable_baselines3_reads_each_environments_own() -> None:
-    batch = FlexArmVecEnv.make(SQUARE, 3, **RANDOM_EPISODES)
-    batch.seed(1)
-    batch.reset()
-    found = batch.get_attr("episode", [0, 2])
-    assert found == [batch.env.episode.one(0), batch.env.episode.one(2)]
-    assert found[0] != found[1]
 
 
 @pytest.mark.parametrize("options", [{"control_period": 0.001}, {"lap_time": 20.0}])
@@ -65,3 +58,49 @@ def test_a_registered_limit_below_a_lap_is_told(options: dict[str, Any]) -> None
     with pytest.warns(UserWarning, match=message):
         run_policy(make(error_limit=1e-6, **options), lambda observation: np.zeros(2))
     run_policy(make(error_limit=1e-6, max_episode_steps=lap, **options), lambda observation: np.zeros(2))
+
+
+def test_success_is_a_lap_with_a_quiet_final_rest() -> None:
+    """`Reach`: 1 at the end of the lap only, if the tip was within 2 cm from 12 s to 16 s; `Carry` has another one."""
+    settings = {name: make(f"FlexArm/{name}").unwrapped.settings for name in IDS}
+    assert [name for name, own in settings.items() if "is_success" in info_keys(own)] == ["Reach-v0", "Carry-v0"]
+    env = make(REACH, error_limit=None, deflection_limit=None)
+    inner = env.unwrapped
+    assert isinstance(inner, FlexArmEnv)
+    still = np.zeros(2, np.float32)
+    for late, wanted in ((12.0, 1.0), (12.01, 0.0)):
+        # at rest on the resting reference no torque keeps the tip where it is
+        env.reset(seed=0, options={"time": late, "start": "corner"})
+        infos = [env.step(still)[4] for _ in range(round((16.0 - late) / 0.01))]
+        assert max(info["tip_error"] for info in infos) < 1e-9
+        assert [info["is_success"] for info in infos] == [0.0] * (len(infos) - 1) + [wanted]
+    state = env.reset(seed=0, options={"time": 12.0})[1]["state"]
+    env.reset(seed=0, options={"time": 12.0, "state": state + np.eye(len(state))[0] * 0.01})  # 2 cm or more off
+    for _ in range(400):
+        *_, info = env.step(still)
+    assert info["tip_error"] > 0.02
+    assert info["is_success"] == 0.0
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_success_of_a_batch_survives_the_end_of_the_lap() -> None:
+    env = vector(REACH, 2, error_limit=None, max_episode_steps=120, lap_time=4.0)
+    env.reset(seed=0, options={"time": [3.0, 3.25], "start": "corner"})
+    still = np.zeros((2, 2), np.float32)
+    for k in range(1, 111):
+        infos = env.step(still)[4]
+        expected = [1.0, 0.0] if k >= 100 else [0.0, 0.0]
+        if k < 101 or infos["is_success"][1] == 0.0:
+            np.testing.assert_array_equal(infos["is_success"], expected, f"step {k}")
+
+
+def test_codes_and_reasons() -> None:
+    assert [end_reason(code) for code in END_CODES.values()] == list(END_CODES)
+    assert [
+        END_CODES[name] for name in ("none", "error", "deflection", "angle", "rate", "diverged", "own", "finished")
+    ] == [*range(8)]
+    assert set(END_CODES) == {"none", *ENDS}
+    assert end_reason(np.float64(2.0)) == "deflection"
+    for bad in (8, -1, 1.5, float("nan")):
+        with refuses((TypeError, ValueError), "code = "):
+            end_reason(bad)

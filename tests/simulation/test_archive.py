@@ -8,6 +8,7 @@ import re
 import tracemalloc
 import zipfile
 from collections.abc import Callable
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,22 +22,22 @@ from flexarm_baselines.optimal.plan import Plan, load_plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
 from tests.codegen.conftest import Trap
+from tests.support.lagrange import loaded_arm, random_state
 from tests.support.refusals import refused, refuses
 
 CONFIG = {"environment": "FlexArm/Square-v0", "options": {}}
 POLICY_HEAD: dict[str, Any] = {"format": 1, "activation": "elu", "layers": 1, "notes": {"config": CONFIG}}
-POLICY: dict[str, Any] = {
-    "weight_0": np.ones((2, 3), np.float32),
-    "bias_0": np.zeros(2, np.float32),
-    "log_std": np.zeros(2, np.float32),
-}
+POLICY = {"weight_0": np.ones((2, 3), "f"), "bias_0": np.zeros(2, "f"), "log_std": np.zeros(2, "f")}
+
+
+def saved(path: Path, **arrays: Any) -> Path:
+    np.savez(path, **arrays)
+    return path
 
 
 def policy_file(path: Path, head: Any = None, **arrays: Any) -> Path:
     """Write a policy's file with another head, or other arrays."""
-    text = json.dumps(POLICY_HEAD | (head or {}))
-    np.savez(path, head=np.array(text), **(POLICY | arrays))
-    return path
+    return saved(path, head=json.dumps(POLICY_HEAD | (head or {})), **(POLICY | arrays))
 
 
 def run() -> Trajectory:
@@ -49,9 +50,7 @@ def run_file(path: Path, head: Any = None, **arrays: Any) -> Path:
     run().save(path)
     with np.load(path) as file:
         own = dict(file)
-    text = json.dumps(json.loads(str(own.pop("head"))) | (head or {}))
-    np.savez(path, head=np.array(text), **(own | arrays))
-    return path
+    return saved(path, head=json.dumps(json.loads(str(own.pop("head"))) | (head or {})), **(own | arrays))
 
 
 def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes:
@@ -102,15 +101,6 @@ def overlapping(path: Path) -> Path:
 
 def written(path: Path, content: bytes) -> Path:
     path.write_bytes(content)
-    return path
-
-
-def cut_short(path: Path) -> Path:
-    return written(path, path.read_bytes()[:100])
-
-
-def saved(path: Path, **arrays: Any) -> Path:
-    np.savez(path, **arrays)
     return path
 
 
@@ -176,8 +166,6 @@ test_policies_of_strangers = refused(
 )
 test_runs_of_strangers = refused(
     (lambda p: run_file(p, state=np.full(3, "x")), "state: must hold float64, got <U1"),
-    (lambda p: run_file(p, state=np.zeros((3, 12), bool)), "state: must hold float64, got bool"),
-    (lambda p: run_file(p, state=np.zeros((3, 12), "datetime64[s]")), "state: must hold float64, got datetime64"),
     (lambda p: run_file(p, state=np.zeros((3, 7))), r"state: must have shape \(3, 12\), got \(3, 7\)"),
     (lambda p: run_file(p, state=np.float64(0.0)), r"state: has shape \(\), time has 3 instants"),
     (lambda p: run_file(p, time=np.float64(0.0)), "time: must hold an instant"),
@@ -185,20 +173,14 @@ test_runs_of_strangers = refused(
     (lambda p: run_file(p, gain=np.zeros((3, 2))), r"gain: must have shape \(3,\), got \(3, 2\)"),
     (lambda p: run_file(p, more=np.zeros(3)), "'more': no such array; a Trajectory has time, "),
     (lambda p: run_file(p, {"notes": None}), "notes = None: must be a mapping"),
-    (lambda p: run_file(p, {"format": True}), "format True; this version reads 1"),
     (lambda p: run_file(p, {"parameters": [1]}), r"parameters = \[1\]: must be a mapping"),
-    (
-        lambda p: run_file(p, {"parameters": {"modes_per_link": 99}}),
-        "modes_per_link = 99: must be an integer from 1 to 4",
-    ),
+    (lambda p: run_file(p, {"parameters": {"modes_per_link": 99}}), "modes_per_link = 99: must be an integer"),
     (lambda p: written(p, b"time, x, y"), r"not a saved Trajectory \("),
-    (lambda p: written(p, b""), r"not a saved Trajectory \("),
     (lambda p: written(p, b"\x93NUMPY" + bytes(200)), r"not a saved Trajectory \(File is not a zip file\)"),
-    (lambda p: cut_short(run_file(p)), r"not a saved Trajectory \("),
+    (lambda p: written(p, run_file(p).read_bytes()[:100]), r"not a saved Trajectory \("),
     (lambda p: saved(p, time=np.zeros(3)), r"not a saved Trajectory \(no entry 'head'\)"),
     (lambda p: saved(p, head='{"format": 99}'), "format 99; this version reads 1"),
     (lambda p: saved(p, head="[1]"), r"not a saved Trajectory \(the entry 'head' is not a JSON object\)"),
-    (lambda p: saved(p, head="{"), r"not a saved Trajectory \("),
     (lambda p: saved(p, head='{"format": 1}'), r"not a saved Trajectory \(no entry 'parameters'\)"),
     (lambda p: saved(p, head='{"format": 1, "parameters": {}, "notes": {}}'), "time: must be an array, and is missing"),
     (lambda p: bomb(run(), p, "time"), "' is compressed; must be"),
@@ -246,6 +228,8 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
             Trajectory.load(name)
     with pytest.raises(IsADirectoryError):
         Trajectory.load(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        Trajectory.load(tmp_path / "none.npz")
 
 
 def test_models_of_stable_baselines_are_recognised(tmp_path: Path) -> None:
@@ -265,3 +249,24 @@ def test_what_could_not_be_loaded_is_not_written(tmp_path: Path) -> None:
     assert not any(tmp_path.iterdir())
     with refuses(ValueError, "weights: 25000000 numbers; at most 20000000 are allowed"):
         NetworkPolicy([np.zeros((5000, 4999), np.float32)], [np.zeros(5000, np.float32)], np.zeros(5000, np.float32))
+
+
+EXTRA = {"reference": np.ones((6, 2)), "sensed": np.zeros((6, 2)), "gain": np.arange(6.0), "reward": np.ones(6)}
+
+
+@pytest.mark.parametrize("extra", [{}, EXTRA], ids=["simulated", "a policy's"])
+def test_a_run_survives_saving(tmp_path: Path, extra: dict[str, Any]) -> None:
+    arm = FlexibleArm(loaded_arm(2))
+    run = arm.simulate(random_state(arm.parameters, 2, 0.1, 0.5), np.ones((5, 2)), 0.05, step=0.01, substeps="auto")
+    if extra:
+        run = arm.record(run.time, run.state, run.torque, **extra)
+        assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
+    run.notes["case"] = {"name": "doublet", "gains": [1, 2.5], "ended": None}
+    run.save(tmp_path / "run.npz")
+    again = Trajectory.load(tmp_path / "run.npz")
+    assert again.parameters == run.parameters
+    assert again.notes == run.notes
+    assert set(again.arrays()) == set(run.arrays())
+    for name, array in run.arrays().items():
+        np.testing.assert_array_equal(again.arrays()[name], array, strict=True)
+    FlexibleArm(again.parameters)  # of the right types, down to the tuples

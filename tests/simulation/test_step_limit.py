@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm
@@ -42,7 +42,19 @@ def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
         assert np.abs(np.linalg.eigvals(matrix)).max() < 1.1 * arm.fastest_rate()
 
 
+FASTEST_FOLDED = ArmParameters.linear(  # by 18 %
+    link_lengths=(9.0, 4.3),
+    flexural_rigidities=(1700.0, 3000.0),
+    masses_per_length=(0.26, 0.8),
+    shoulder_hub_inertia=5.0,
+    elbow_hub_inertia=5.0,
+    damping_ratio=1.0,
+    joint_friction=(490.0, 410.0),
+)
+
+
 @settings(max_examples=60)
+@example(FASTEST_FOLDED, np.pi)
 @given(parameters=arms(), theta2=st.floats(-np.pi, np.pi))
 def test_fastest_rate_holds_at_any_elbow_angle(parameters: ArmParameters, theta2: float) -> None:
     arm = FlexibleArm(parameters)
@@ -50,21 +62,6 @@ def test_fastest_rate_holds_at_any_elbow_angle(parameters: ArmParameters, theta2
     state[1] = theta2
     # nine angles of a smooth even function: up to 2 % may hide between two of them
     assert np.abs(np.linalg.eigvals(arm.linearise(state).A)).max() < 1.02 * arm.fastest_rate()
-
-
-def test_fastest_rate_is_not_always_the_straight_arms() -> None:
-    parameters = ArmParameters.linear(
-        link_lengths=(9.0, 4.3),
-        flexural_rigidities=(1700.0, 3000.0),
-        masses_per_length=(0.26, 0.8),
-        shoulder_hub_inertia=5.0,
-        elbow_hub_inertia=5.0,
-        damping_ratio=1.0,
-        joint_friction=(490.0, 410.0),
-    )
-    arm = FlexibleArm(parameters)
-    straight = np.abs(np.linalg.eigvals(arm.linearise(np.zeros(2 * arm.size)).A)).max()
-    assert arm.fastest_rate() > 1.15 * straight  # folded; seen: 18 % faster
 
 
 def test_substeps() -> None:
