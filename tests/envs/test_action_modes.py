@@ -208,7 +208,6 @@ def test_the_law_on_the_joints_is_that_on_a_collocated_sensor(sensor: str) -> No
         bare(GAIN, arm="linear", start="corner", gain_limit=2.0, **o)
         for o in ({"sensor": sensor, "sensor_position": 0.5}, {"sensor": "collocated", "feedback_source": "sensor"})
     )
-    on_joints.reset(), on_sensor.reset()
     for k in range(4):
         action = np.array([(k % 5 - 2.0) / 2.0])
         info, other = on_joints.step(action)[4], on_sensor.step(action)[4]

@@ -147,8 +147,7 @@ def test_an_episode_is_that_of_an_environment_made_with_what_it_drew(
 def test_the_step_is_short_enough_for_every_arm_in_the_range() -> None:
     """The rule of `physics_step` for the arms of 40 episodes."""
     settings = Settings.of({"arm": "linear", "randomisation": ARM})
-    batch = vector(SQUARE, 40, randomisation=ARM)
-    batch.reset(seed=0)
+    batch = vector(SQUARE, 40, seed=0, randomisation=ARM)
     for i in range(40):
         values = batch.episode.one(i).parameters
         arm = settings.having({name: values[name] for name in ARM}).flexible_arm.parameters

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from flexarm_agents import FlexArmVecEnv
 from flexarm_env import end_reason, run_policy
 from flexarm_env.envs.info import Episode, info_keys
 from flexarm_env.envs.registration import IDS
@@ -23,9 +24,15 @@ RANDOM_EPISODES: dict[str, Any] = {
 }
 
 
+def test_stable_baselines3_reads_each_environments_own() -> None:
+    batch = FlexArmVecEnv.make(SQUARE, 3, **RANDOM_EPISODES)
+    batch.reset()
+    first, last = batch.get_attr("episode", [0, 2])
+    assert first == batch.env.episode.one(0) != last == batch.env.episode.one(2)
+
+
 def test_the_episode_is_described_by_a_copy() -> None:
-    batch = vector(SQUARE, 4, autoreset_mode="SameStep", max_episode_steps=4, **RANDOM_EPISODES)
-    batch.reset(seed=5)
+    batch = vector(SQUARE, 4, seed=5, autoreset_mode="SameStep", max_episode_steps=4, **RANDOM_EPISODES)
     described = batch.episode
     assert isinstance(described, Episode)
     assert set(described.parameters) == set(DRAWN)

@@ -71,8 +71,6 @@ def check_mirrored(one: PlainEnvironment, other: PlainEnvironment, steps: int = 
     signs, action_sign = one.simulator.layout.mirror, one.simulator.settings.mode.mirror
     random = np.random.default_rng(5)
     channels = len(one.simulator.settings.action_limit)
-    one.reset()
-    other.reset()
     largest = np.zeros(len(signs))
     for k in range(steps + 1):
         if k > 0:

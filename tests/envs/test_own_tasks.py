@@ -33,11 +33,9 @@ def test_episodes_draw_from_tables_and_functions_by_name() -> None:
 def test_environments_of_a_batch_have_their_own_paths() -> None:
     """To rounding those of single environments: sides are divided where another environment's path has more."""
     per_env = {"reference": ["square", "circle", "waypoints"], "waypoints": [None, None, CORNERS]}
-    envs = vector(TRACK, 3, per_env=per_env, start="moving")
-    singles = [bare(TRACK, reference=r, waypoints=w, start="moving") for r, w in zip(*per_env.values(), strict=True)]
-    envs.reset(seed=5)
-    for i, single in enumerate(singles):
-        single.reset(seed=5 + i)
+    envs = vector(TRACK, 3, seed=5, per_env=per_env, start="moving")
+    paths = zip(*per_env.values(), strict=True)
+    singles = [bare(TRACK, 5 + i, reference=r, waypoints=w, start="moving") for i, (r, w) in enumerate(paths)]
     assert envs.episode.path.tolist() == per_env["reference"]
     for _ in range(40):
         told, expected = envs.step(np.zeros((3, 2)))[4], [single.step(np.zeros(2))[4] for single in singles]
@@ -52,8 +50,7 @@ def test_functions_that_look_alike_are_two() -> None:
 
     tables = [np.zeros(2000), np.eye(1, 2000, 1000)[0]]
     functions = [partial(shifted, table) for table in tables]
-    envs = vector(TRACK, 2, per_env={"reference": functions}, lap_time=1.0)
-    envs.reset(seed=0)
+    envs = vector(TRACK, 2, seed=0, per_env={"reference": functions}, lap_time=1.0)
     assert [envs.simulator.path(i)[0, 0] for i in (0, 1)] == [4.0, 5.0]
 
 
@@ -74,9 +71,7 @@ def test_a_target_that_is_moved_along_a_path_is_that_path() -> None:
     at = np.column_stack([np.interp(times, *table.T[[0, axis]]) for axis in (1, 2)])
     options: dict[str, Any] = {"previews": (3 * H, H, 2 * H), **STILL}
     known = bare(TRACK, reference="waypoints", waypoints=np.column_stack([times, at]), **options)
-    envs = vector(TRACK, 2, **TARGET, **options)
-    known.reset(seed=0)
-    envs.reset(seed=0)
+    envs = vector(TRACK, 2, seed=0, **TARGET, **options)
     for n in range(250):
         envs.set_reference(at[n], (at[n + 1] - at[n]) / H, at[[n + 3, n + 1, n + 2]], rows=[1])
         if n == 120:  # copies of the state know the target
@@ -91,7 +86,6 @@ def test_a_target_that_is_moved_along_a_path_is_that_path() -> None:
 
 def test_a_target_may_jump_and_stops_where_the_reach_ends() -> None:
     env = bare(TRACK, **TARGET, delay=0.03, observation=["sensor_error"], **STILL)
-    env.reset(seed=0)
     env.step(np.zeros(2))
     env.set_reference([0.0, 5.0], [0.0, 10.0])
     for n in range(1, 60):
@@ -137,8 +131,7 @@ def test_rewards_and_ends_are_functions_of_infos(mode: str) -> None:
     """Of the infos of the step that ends an episode; a reset has no reward and ends nothing."""
     own: dict[str, Any] = {"reward": lambda q: -q["tip_error"], "termination": lambda q: q["time"] > 0.045}
     own |= {"start": "corner", **FREE}
-    envs, single = vector(TRACK, 3, autoreset_mode=mode, **own), bare(TRACK, **own)
-    envs.reset(seed=0)
+    envs, single = vector(TRACK, 3, seed=0, autoreset_mode=mode, **own), bare(TRACK, **own)
     for n in range(1, 6):
         _, rewards, terminated, _, infos = envs.step(np.zeros((3, 2)))
         told = infos["final_info"] if mode == "SameStep" and n == 5 else infos
@@ -168,8 +161,7 @@ def test_weights_below_zero_count_and_are_told() -> None:
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
 def test_options_last_and_ranges_narrow(mode: str) -> None:
     ranges = {"payload_mass": (0.0, 1.0)}
-    envs = vector(TRACK, 4, autoreset_mode=mode, randomisation=ranges, start="moving", max_episode_steps=2)
-    envs.reset(seed=0)
+    envs = vector(TRACK, 4, seed=0, autoreset_mode=mode, randomisation=ranges, start="moving", max_episode_steps=2)
     envs.set_options({"start": "corner"})
     envs.set_options({"randomisation": {"payload_mass": (0.4, 0.5)}})  # the start stays
     for _ in range(12):

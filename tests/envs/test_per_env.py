@@ -145,8 +145,7 @@ def test_a_batch_bounds_what_its_widest_environment_observes() -> None:
 
 
 def test_a_batch_of_different_environments_survives_pickling() -> None:
-    batch = vector(SQUARE, 8, per_env={name: values[:8] for name, values in TORQUE_LANES.items()})
-    batch.reset(seed=0)
+    batch = vector(SQUARE, 8, seed=0, per_env={name: values[:8] for name, values in TORQUE_LANES.items()})
     copy: FlexArmVectorEnv = pickle.loads(pickle.dumps(batch))
     actions = np.zeros((8, 2), np.float32)
     assert_same(copy.step(actions), batch.step(actions))

@@ -54,9 +54,8 @@ def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any
 
 def test_another_environment_goes_on_in_its_place() -> None:
     """Into some rows of a batch of several blocks, which is elsewhere in its delay line, and back into one alone."""
-    env, other, envs = bare(seed=3, **NOISY), bare(seed=1, **NOISY), vector(SQUARE, 11, **NOISY)
+    env, other, envs = bare(seed=3, **NOISY), bare(seed=1, **NOISY), vector(SQUARE, 11, seed=5, **NOISY)
     digest(env, 23)
-    envs.reset(seed=5)
     digest(envs, 7)
     rows = [9, 1]
     others = np.delete(np.arange(11), rows)
@@ -86,8 +85,7 @@ def test_another_process_goes_on(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_batch_goes_back_across_the_ends_of_episodes(mode: str) -> None:
-    envs = vector(SQUARE, 11, max_episode_steps=6, autoreset_mode=mode, **NOISY)
-    envs.reset(seed=3)
+    envs = vector(SQUARE, 11, seed=3, max_episode_steps=6, autoreset_mode=mode, **NOISY)
     digest(envs, 6)  # with the next-step mode all have ended, and begin at the next step
     states = envs.get_state()
     found = digest(envs, 15)
@@ -136,8 +134,7 @@ def test_other_states_are_refused_and_change_nothing(options: dict[str, Any], ch
 
 @pytest.mark.parametrize("rows", [[3], [-1], [0, 0], [], [0.0], 1, [True, False, True]])
 def test_rows_are_indices(rows: Any) -> None:
-    envs = vector(SQUARE, 3)
-    envs.reset(seed=0)
+    envs = vector(SQUARE, 3, seed=0)
     for call in (envs.get_state, lambda rows: envs.set_state(envs.get_state([0])[0], rows)):
         with refuses(ValueError, "rows = "):
             call(rows)

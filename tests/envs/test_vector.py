@@ -76,9 +76,7 @@ def test_threads_give_the_same_bits(count: int, lanes: int, threads: int) -> Non
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 @pytest.mark.parametrize("steps", [0, 2])
 def test_a_forked_child_steps_with_threads_of_its_own(steps: int) -> None:
-    env, one = (vector(SQUARE, 16, threads=threads) for threads in (2, 1))
-    for each in (env, one):
-        each.reset(seed=5)
+    env, one = (vector(SQUARE, 16, seed=5, threads=threads) for threads in (2, 1))
     actions = list(actions_for(one, 4))
     for t in range(2):
         assert_same(env.step(actions[t]), one.step(actions[t]))
@@ -120,8 +118,7 @@ def test_reset_mask_restarts_only_what_it_names() -> None:
         several_singles(SQUARE, 4, DISABLED, **options),
     )
     assert_same(together.reset(seed=8), alone.reset(seed=8))
-    undisturbed = vector(SQUARE, 4, autoreset_mode=DISABLED, **(options | {"max_episode_steps": 60}))
-    undisturbed.reset(seed=8)
+    undisturbed = vector(SQUARE, 4, seed=8, autoreset_mode=DISABLED, **(options | {"max_episode_steps": 60}))
     left = np.array([False, True, True, False])
     for k, actions in enumerate(actions_for(together, 40)):
         found, expected = together.step(actions), alone.step(actions)
@@ -140,8 +137,7 @@ def test_reset_mask_restarts_only_what_it_names() -> None:
 
 
 def test_a_finished_environment_must_be_reset_where_nothing_else_does() -> None:
-    env = vector(SQUARE, 2, autoreset_mode=DISABLED, max_episode_steps=2)
-    env.reset(seed=0)
+    env = vector(SQUARE, 2, seed=0, autoreset_mode=DISABLED, max_episode_steps=2)
     still = np.zeros((2, 2), np.float32)
     env.step(still)
     assert env.step(still)[3].all()
@@ -154,9 +150,7 @@ def test_a_finished_environment_must_be_reset_where_nothing_else_does() -> None:
 
 @pytest.mark.parametrize("num_envs", [1, 2])
 def test_the_action_of_an_environment_that_begins_an_episode_is_not_read(num_envs: int) -> None:
-    env, twin = (vector(SQUARE, num_envs, max_episode_steps=3) for _ in range(2))
-    env.reset(seed=0)
-    twin.reset(seed=0)
+    env, twin = (vector(SQUARE, num_envs, seed=0, max_episode_steps=3) for _ in range(2))
     still = np.zeros((num_envs, 2), np.float32)
     for k in range(8):
         begins = k == 3

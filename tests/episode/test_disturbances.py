@@ -50,7 +50,6 @@ def test_a_pulse_gives_its_impulse_and_its_work(arm: dict[str, Any]) -> None:
     force = np.array([30.0, -55.0])
     options = CORNER | {"pulse_force": force.tolist(), "pulse_time": 0.02, "pulse_duration": 0.04}
     env = PlainEnvironment(arm=arm, **options, control_period=1e-3, physics_step=2e-4)
-    env.reset()
     made = env.simulator.settings.flexible_arm
     states = [env.result("STATE")]
     for _ in range(80):
@@ -88,7 +87,6 @@ def test_an_accelerometer_feels_the_force() -> None:
     """At rest it reads J M^-1 J^T F at the tip."""
     sensor = {"imu_link": 2, "observation": ("accelerometer",), "pulse_force": (0.0, 4.0)}
     env = PlainEnvironment(arm=ARMS[0], **CORNER | sensor, pulse_duration=1.0, control_period=1e-5)
-    env.reset()
     env.step(STILL)
     arm, q = env.simulator.settings.flexible_arm, env.result("STATE")[:4]
     jacobian = arm.point_jacobian(q, 2, arm.parameters.link_lengths[1])
@@ -103,7 +101,6 @@ def test_an_outage_freezes_the_reading(clock: dict[str, float]) -> None:
     env, other = PlainEnvironment(**still, outage_time=0.03, outage_duration=0.04), PlainEnvironment(**still)
     read, whole = [], []
     for one, into in ((env, read), (other, whole)):
-        one.reset()
         for _ in range(12):
             into.append(one.result("LINK_SENSOR"))
             one.step((0.5, 0.3))
@@ -115,10 +112,8 @@ def test_an_outage_freezes_the_reading(clock: dict[str, float]) -> None:
 
 def test_gauges_drift_and_the_state_does_not() -> None:
     names = ("modal_coordinates", "modal_rates", "state")
-    env = PlainEnvironment(
-        arm={"modes_per_link": 2}, observation=names, scaled=False, gauge_drift=(0.5, -0.25), start="corner"
-    )
-    env.reset()
+    options: dict[str, Any] = {"arm": {"modes_per_link": 2}, "observation": names, "start": "corner"}
+    env = PlainEnvironment(**options, scaled=False, gauge_drift=(0.5, -0.25))
     assert not env.block("modal_coordinates").any()
     for n in range(1, 4):
         env.step((0.4, 0.2))

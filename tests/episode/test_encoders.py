@@ -18,7 +18,6 @@ def test_encoders_count_angles_and_rates_follow_from_counts(noise: float) -> Non
         scaled=False,
         start="corner",
     )
-    env.reset()
     rng, off = np.random.default_rng(0), []
     np.testing.assert_array_equal(env.block("joint_rates"), 0.0)
     for _ in range(60):

@@ -18,9 +18,7 @@ from tests.support.plain import KERNELS, PlainEnvironment
 
 def plain(key: int = 5, **options: Any) -> PlainEnvironment:
     """Make an environment with the second sensor, at the start of an episode."""
-    made = PlainEnvironment(arm={"modes_per_link": 1}, **{"observation": ["second_sensor_error"], **options})
-    made.reset(key)
-    return made
+    return PlainEnvironment(key, arm={"modes_per_link": 1}, observation=["second_sensor_error"], **options)
 
 
 @pytest.mark.parametrize(("link", "place", "delay"), [(1, 3.1, 0.0055), (2, 2.3, 0.0113)])

@@ -22,9 +22,7 @@ PERIOD = 2e-5  # [s], in one step
 
 def mounted(link: int = 2, **options: Any) -> PlainEnvironment:
     """Make an environment whose control period is one short step, at the start of an episode."""
-    env = PlainEnvironment(**IMU, imu_link=link, control_period=PERIOD, physics_step=PERIOD, **options)
-    env.reset(key=1)
-    return env
+    return PlainEnvironment(1, **IMU, imu_link=link, control_period=PERIOD, physics_step=PERIOD, **options)
 
 
 def readings(env: PlainEnvironment, action: list[float], steps: int) -> tuple[Array, Array]:
@@ -95,7 +93,6 @@ def test_a_late_reading() -> None:
 def test_its_info_is_its_reading_beside_a_second_sensor() -> None:
     blocks = [*IMU["observation"], "second_sensed_position"]
     env = PlainEnvironment(**(IMU | {"observation": blocks}), imu_link=2, second_sensor_link=1)
-    env.reset()
     env.step([0.5, -0.5])
     info, read = InfoMaker(env.simulator).read(), env.result("FURTHER_READING")
     np.testing.assert_array_equal(info["second_sensed"], read[:2])

@@ -50,7 +50,6 @@ def test_a_step_has_the_moments_of_the_exponential(lag: float) -> None:
 def test_torques_follow_the_exponential_of_each_command() -> None:
     """Their means do, which carry the momentum; it is that of the whole arm about the shoulder."""
     env = PlainEnvironment(arm={"modes_per_link": 1}, motor_time_constant=LAG, start="corner")
-    env.reset()
     actions = [(0.5, -0.25), (-0.25, 0.75), (0.0, 0.0), (1.0, 1.0)]
     found = torques(env, actions)
     for joint, (time, limit) in enumerate(zip(LAG, LIMITS, strict=True)):
@@ -69,7 +68,6 @@ def test_a_joint_approaches_the_no_load_speed_and_is_braked_by_the_whole_torque(
     """J w' = tau (1 - w / w0): w = w0 (1 - exp(-tau t / (J w0))); against the motion the torque does not fall."""
     speed = 0.8
     env = PlainEnvironment(**ROUND, torque_speed_limit=(speed, 1e6), physics_step=1e-3)
-    env.reset()
     rates, time = [], speed * HUB / LIMITS[0]
     for _ in range(30):
         env.step((1.0, 0.0))
@@ -83,7 +81,6 @@ def test_a_joint_approaches_the_no_load_speed_and_is_braked_by_the_whole_torque(
 
 def test_commands_are_multiples_of_the_resolution_within_the_limit() -> None:
     env = PlainEnvironment(arm={"modes_per_link": 1}, torque_resolution=(20.0, 0.0))
-    env.reset()
     shares = np.array([1.0, -1.0, 0.2, -0.2, 0.0666, 0.0667, -0.0666, -0.0667], dtype=np.float32).tolist()
     found = torques(env, [(share, share) for share in shares])
     np.testing.assert_allclose(found[:, 0], [140.0, -140.0, 40.0, -40.0, 0.0, 20.0, 0.0, -20.0], rtol=1e-12)
@@ -95,7 +92,6 @@ def test_an_imu_feels_the_torque_that_acts() -> None:
     options = {"observation": ["accelerometer"], "imu_link": 2, "imu_range": (1e6, 1e6), "start": "corner"}
     times = {"control_period": 1e-5, "physics_step": 1e-5, "motor_time_constant": (10.0, 10.0), "delay": 0.0}
     env = PlainEnvironment(arm={"modes_per_link": 1}, **options, **times)
-    env.reset()
     env.step((0.0, 1.0))
     once = env.result("FURTHER_READING")
     env.step((0.0, 1.0))
@@ -110,8 +106,7 @@ def test_the_default_step_suits_motors() -> None:
     options |= {"deflection_limit": None, "error_limit": None, "start": "corner"}
     tips, actions = [], np.random.default_rng(0).uniform(-1.0, 1.0, (20, 32, 2)).astype(np.float32)
     for step in (None, 0.25 * Settings.of(options).integration.step):
-        env = vector(num_envs=32, physics_step=step, **options)
-        env.reset(seed=1)
+        env = vector(seed=1, num_envs=32, physics_step=step, **options)
         tips.append([env.step(actions[k // 5])[4]["true_tip"] for k in range(100)][-1])
     assert np.median(np.linalg.norm(tips[0] - tips[1], axis=1)) < 2e-4
 

@@ -37,7 +37,6 @@ def memory_of(env: PlainEnvironment) -> Any:
 def test_motion_goes_on_as_that_of_an_arm_made_with_the_mass(arm: dict[str, Any]) -> None:
     """Its state is where the last one left off: no rate jumps. The payload of the lap's start is the last change's."""
     env = PlainEnvironment(arm=arm, **FAST)
-    env.reset()
     begun, states = env.row("CONSTANTS"), [env.result("STATE")]
     carried = [env.result("CARRIED")[0]]
     for action in ACTIONS:
@@ -56,7 +55,6 @@ def test_motion_goes_on_as_that_of_an_arm_made_with_the_mass(arm: dict[str, Any]
 @pytest.mark.parametrize("arm", ARMS)
 def test_rates_stay_and_momenta_and_energy_take_the_mass(arm: dict[str, Any]) -> None:
     env = PlainEnvironment(arm=arm, **FAST)
-    env.reset()
     for action in ACTIONS[:3]:
         env.step(action)
     before = {name: env.row(name) for name in ("Y", "V", "P", "FORCE")}
@@ -111,14 +109,12 @@ def test_the_latest_change_of_the_lap_counts(phases: list[float], lap: float, st
 def test_success_is_to_be_there_when_the_payload_changes() -> None:
     resting: dict[str, Any] = {"reference": "stops", "start": "corner"}
     near = PlainEnvironment(arm=ARMS[0], **resting, payload_changes=((0.01 / 16, 1.0), (0.02 / 16, 0.0)))
-    near.reset()
     assert near.result("SUCCESS") == [0.0]
     near.step((0.0, 0.0))
     assert near.result("SUCCESS") == [0.0]
     near.step((0.0, 0.0))
     assert near.result("SUCCESS") == [1.0]
     far = PlainEnvironment(arm=ARMS[0], payload_changes=((0.05 / 16, 1.0), (0.06 / 16, 0.0)), start="corner")
-    far.reset()
     for _ in range(8):
         far.step((0.0, 0.0))
     assert far.result("SUCCESS") == [0.0]

@@ -31,7 +31,6 @@ F32 = partial(np.array, dtype=np.float32)
 def driven(speeds: list[float], **options: Any) -> PlainEnvironment:
     """Return the race after periods with these commanded speeds [m/s] and no torque."""
     env = PlainEnvironment(**TINY | options)
-    env.reset()
     for speed in speeds:
         env.step((0.0, 0.0, speed / env.simulator.settings.reference_speed))
     return env
@@ -91,10 +90,7 @@ def test_the_sensors_error_is_from_the_present_reference() -> None:
 def test_laps_are_timed_to_the_instant() -> None:
     """On a short path: lap ends lie between control periods, at constant speed within them."""
     corners = [(3.0, 0.0), (3.0, 0.1), (3.1, 0.1), (3.1, 0.0)]
-    env = PlainEnvironment(
-        **TINY | {"reference": "waypoints", "waypoints": corners, "race_laps": 3, "direction": "clockwise"}
-    )
-    env.reset()
+    env = PlainEnvironment(**TINY | {"reference": "waypoints", "waypoints": corners, "race_laps": 3})
     ends = []
     while env.result("STATUS")[0] == 0.0:
         before, begun = env.result("PROGRESS")[0], env.result("TIME")[0]
@@ -110,7 +106,6 @@ def test_laps_are_timed_to_the_instant() -> None:
 def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
     """Also where both are at once; the times of a lost race stay 0."""
     done = bare(RACE, race_laps=1, side=2.0, reference_acceleration=1e6, error_limit=None, deflection_limit=None)
-    done.reset()
     for _ in range(32):
         *_, terminated, _, info = done.step(F32([0.0, 0.0, 1.0]))
         assert info["lap_times"][2] == 0.0 or terminated
@@ -118,7 +113,6 @@ def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
     assert info["end_code"] == END_CODES["finished"]
     np.testing.assert_allclose(info["lap_times"], 8.0 / 25.0, rtol=1e-12)
     lost = bare(RACE)
-    lost.reset()
     steps = 0
     while not (result := lost.step(F32([0.0, 0.0, 1.0])))[2]:
         steps += 1
@@ -143,8 +137,7 @@ def test_a_state_goes_on_and_a_batch_is_as_each_alone() -> None:
 def test_compiled_kernels_do_the_same() -> None:
     drawn = {"payload_mass": (0.0, 0.5), "delay": (0.0, 0.06), "side": (6.0, 12.0)}
     same_as_alone(RACE, 9, {"randomisation": drawn, "start": "corners", "noise": 0.01}, 60)
-    envs = vector(RACE, 2, reference="circle")
-    envs.reset(seed=1)
+    envs = vector(RACE, 2, seed=1, reference="circle")
     assert envs.step(F32([[0.0, 0.0, 0.2]] * 2))[4]["progress"].tolist() == [0.01, 0.01]
 
 

@@ -29,8 +29,7 @@ STILL: dict[str, Any] = {
 def observed(periods: int = 28, **drawn: float) -> dict[str, NDArray[np.float32]]:
     """Return all blocks of an arm that rests, with some values drawn, one row for each period."""
     draws = {name: (value, np.nextafter(value, np.inf)) for name, value in drawn.items()}
-    env = PlainEnvironment(**STILL, randomisation=draws)
-    env.reset(key=7)
+    env = PlainEnvironment(7, **STILL, randomisation=draws)
     rows = []
     for _ in range(periods):
         env.step([0.0, 0.0])
@@ -78,10 +77,9 @@ def test_time_stamps_tell_the_drawn_delay() -> None:
 def test_a_reading_is_the_tip_of_its_age_ago(youngest: float, oldest: float, options: dict[str, Any]) -> None:
     """Held, lost and jittered readings: the true tip, by a spline through all periods, then; errors are held, too."""
     env = PlainEnvironment(
-        arm={"modes_per_link": 1}, start="corner", delay=0.02, scaled=False, frame="world", control_period=5e-3,
+        3, arm={"modes_per_link": 1}, start="corner", delay=0.02, scaled=False, frame="world", control_period=5e-3,
         observation=["sensed_position", STAMP, "sensor_error", "reference_position"], **options,
     )  # fmt: skip
-    env.reset(key=3)
     tips, sensed, ages, errors, targets = [], [], [], [], []
     for period in range(60):
         env.step([0.4 * np.sin(0.2 * period), 0.2])

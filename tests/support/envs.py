@@ -226,10 +226,12 @@ def bare(env_id: str = SQUARE, seed: int = 0, **options: Any) -> FlexArmEnv:
     return env
 
 
-def vector(env_id: str = SQUARE, num_envs: int = 3, **options: Any) -> FlexArmVectorEnv:
-    """Many environments as `make_vec` gives them; see `shared_arm`."""
+def vector(env_id: str = SQUARE, num_envs: int = 3, seed: int | None = None, **options: Any) -> FlexArmVectorEnv:
+    """Many environments as `make_vec` gives them, reset if there is a seed; see `shared_arm`."""
     env = gym.make_vec(env_id, num_envs=num_envs, **shared_arm(env_id, options))
     assert type(env) is FlexArmVectorEnv
+    if seed is not None:
+        env.reset(seed=seed)
     return env
 
 

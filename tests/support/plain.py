@@ -91,9 +91,10 @@ class PlainEnvironment:
         simulator: the batch of one that it steps.
     """
 
-    def __init__(self, **options: Any) -> None:
-        """Lay out its memory; `options`: as of `FlexArm/Square-v0`."""
+    def __init__(self, key: int = 0, **options: Any) -> None:
+        """Lay out its memory and begin an episode; `options`: as of `FlexArm/Square-v0`."""
         self.simulator = BatchSimulator(Settings.of(options), 1)
+        self.reset(key)
 
     def reset(self, key: int = 0) -> None:
         """Begin an episode; `key`: of its random numbers."""
