@@ -1,4 +1,4 @@
-"""Jacobians of a control period: against complex steps of the plain formulas."""
+"""Jacobians and gradients of a control period: against complex steps of the plain formulas."""
 
 from functools import partial
 from typing import Any
@@ -9,6 +9,7 @@ import pytest
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.step_gradients import GRADIENTS, run_gradients, trail_rows
 from flexarm_env.kernels.step_jacobians import TANGENTS, run_tangents
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
@@ -16,19 +17,14 @@ from tests.support.complex_steps import jacobian, stepped
 from tests.support.lagrange import DRY, loaded_arm, random_state
 
 QUICK: tuple[int, dict[str, Any]] = (1, DRY)  # its batches' kernels are all that is compiled here by default
-RIGID = {"velocity_forces": "rigid"}
+LINEAR, RIGID = {"kinematics": "linear"}, {"velocity_forces": "rigid"}
 BENT = {"kinematics": "foreshortened", "mode_shapes": "polynomial"}
-SLOW = [
-    pytest.param(kind, marks=pytest.mark.slow)
-    for kind in [
-        (1, RIGID),
-        *(
-            (modes, {"kinematics": kinematics, "mode_shapes": shapes})
-            for modes in (1, 2, 3, 4)
-            for kinematics in ("linear", "foreshortened")
-            for shapes in ("cantilever", "polynomial")
-        ),
-    ]
+SLOW = [pytest.param((1, RIGID), marks=pytest.mark.slow)]
+SLOW += [
+    pytest.param((modes, {"kinematics": kinematics, "mode_shapes": shapes}), marks=pytest.mark.slow)
+    for modes in (1, 2, 3, 4)
+    for kinematics in ("linear", "foreshortened")
+    for shapes in ("cantilever", "polynomial")
 ]
 COUNT = LANES + 3  # a full block and one with lanes to spare
 
@@ -42,7 +38,7 @@ class Case:
         self.torques = np.random.default_rng(0).normal(size=(COUNT, 2)) * 20.0
         self.steps = 3
         self.h = min(1e-3, 0.9 * self.arm.longest_step())
-        self.period = {"period": self.steps * self.h, "step": self.h}
+        self.period: dict[str, Any] = {"period": self.steps * self.h, "step": self.h}
 
     def moved(self, at: tuple[np.ndarray, ...], place: int, value: np.ndarray) -> np.ndarray:
         """State after the steps where one of state, torque and quantities is another."""
@@ -138,3 +134,41 @@ def test_arguments_stay_as_they_were_and_results_are_new(small: Case) -> None:
     np.testing.assert_array_equal(states, small.states)
     for x, before in zip(first, kept, strict=True):
         np.testing.assert_array_equal(x, before)
+
+
+@pytest.mark.parametrize("modes", [1, 2])
+@pytest.mark.parametrize("options", [LINEAR, RIGID, BENT, LINEAR | DRY], ids=str)
+def test_the_drivers_give_gradients_in_plain_python(modes: int, options: dict[str, Any]) -> None:
+    case, drawn = Case(modes, options), np.array([0.7, 1.2, 0.03])
+    arm, weights = case.arm, np.random.default_rng(0).normal(size=2 * case.arm.size)
+    arms, torques = arm._driven(case.states[0], case.torques[0], tuple(drawn))
+    k = arm.constants
+    variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
+    found = np.zeros((1, len(weights))), np.zeros((1, 2))
+    with plain_python(variant):
+        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(arm.size, case.steps), 1))
+        run_gradients(arena, trail, arms.inputs[0], torques, case.h, case.steps, arms.states, weights[None], found)
+    at = case.states[0], case.torques[0], drawn
+    for place, own in enumerate(found):
+        exact = weights @ jacobian(partial(case.moved, at, place), at[place])
+        np.testing.assert_allclose(own[0], exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("kind", [(3, BENT), *SLOW], ids=str)
+def test_gradients_are_products_with_the_jacobians(kind: tuple[int, dict[str, Any]]) -> None:
+    case, rng = Case(*kind), np.random.default_rng(2)
+    weights = rng.normal(size=case.states.shape)
+    options = case.period | {"payload_mass": rng.uniform(0.0, 1.0, COUNT)}
+    jacobians = case.arm.step_jacobians(case.states, case.torques, **options)
+    found = case.arm.step_gradients(case.states, case.torques, weights, **options)
+    for own, slope in zip(found, (jacobians.by_state, jacobians.by_torque), strict=True):
+        exact = np.einsum("ni,nij->nj", weights, slope)
+        np.testing.assert_allclose(own, exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
+
+
+def test_leading_axes_of_gradients_broadcast() -> None:
+    case = Case(3, BENT)
+    found = case.arm.step_gradients(case.states[:2], (1.0, 2.0), np.eye(16)[:, None])
+    assert [x.shape for x in found] == [(16, 2, 16), (16, 2, 2)]
+    exact = case.arm.step_jacobians(case.states[:2], (1.0, 2.0)).by_state
+    np.testing.assert_allclose(np.moveaxis(found.by_state, 0, 1), exact, rtol=1e-11, atol=1e-10)
