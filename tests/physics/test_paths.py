@@ -1,8 +1,6 @@
 """The reference: the square as a pure function of time, what of it the arm can reach, and the pose it starts from."""
 
 import math
-import re
-from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
@@ -14,14 +12,10 @@ from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParamet
 from flexarm_env.kernels.imex import chord_at
 from flexarm_env.parameters import Corner, Direction, ElbowBranch
 from flexarm_env.physics.paths import rounded
+from tests.support.refusals import refused
 
-CORNERS: dict[str, tuple[float, float]] = {
-    "lower left": (-6.3, -6.3),
-    "upper left": (-6.3, 6.3),
-    "upper right": (6.3, 6.3),
-    "lower right": (6.3, -6.3),
-}
-CLOCKWISE = list(CORNERS)
+CLOCKWISE: list[Corner] = ["lower left", "upper left", "upper right", "lower right"]
+CORNERS = np.array([(-6.3, -6.3), (-6.3, 6.3), (6.3, 6.3), (6.3, -6.3)])  # in this order
 PAPER = square(SquareParameters())
 # Positions are sums and products of two or three numbers of size 10: a few units in the last place.
 ROUNDING = 1e-14
@@ -30,13 +24,11 @@ ROUNDING = 1e-14
 @pytest.mark.parametrize("direction", get_args(Direction))
 @pytest.mark.parametrize("start", get_args(Corner))
 def test_start_corner_and_direction(start: Corner, direction: Direction) -> None:
-    order = CLOCKWISE if direction == "clockwise" else CLOCKWISE[::-1]
-    first = order.index(start)
-    expected = [CORNERS[order[(first + k) % 4]] for k in range(5)]
+    turn = 1 if direction == "clockwise" else -1
+    expected = CORNERS[(CLOCKWISE.index(start) + turn * np.arange(5)) % 4]
     path = square(SquareParameters(start_corner=start, direction=direction))
     np.testing.assert_array_equal(path.position(4.0 * np.arange(5)), expected)
-    turn = np.cross(np.append(path.velocity(1.0), 0.0), np.append(path.velocity(5.0), 0.0))[2]
-    assert (turn < 0.0) == (direction == "clockwise")
+    np.testing.assert_allclose(path.velocity(4.0 * np.arange(4) + 1.0), np.diff(expected, axis=0) / 4.0)
 
 
 @given(st.floats(0.5, 12.0), st.floats(0.5, 60.0), st.floats(0.0, 1.0), st.integers(0, 3))
@@ -46,8 +38,7 @@ def test_every_point_is_on_its_side_at_constant_speed(side: float, lap_time: flo
     position, velocity = path.position(time), path.velocity(time)
     assert np.abs(position).max() == pytest.approx(0.5 * side, rel=ROUNDING)
     assert np.linalg.norm(velocity) == pytest.approx(4.0 * side / lap_time, rel=ROUNDING)
-    corners = np.array(list(CORNERS.values())) * side / 12.6
-    travelled = np.linalg.norm(position - corners[k])
+    travelled = np.linalg.norm(position - CORNERS[k] * side / 12.6)
     assert travelled == pytest.approx(side * min(along, 0.999), abs=1e-14 * side)
     # and it is the derivative: a difference over 1e-3 of a side has only rounding error on a straight line
     step = 0.25e-3 * lap_time * (1.0 if along < 0.5 else -1.0)
@@ -97,36 +88,31 @@ def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
     np.testing.assert_allclose(end, PAPER.position(time + step), atol=ROUNDING)
 
 
-def test_an_unreachable_corner_says_by_how_much() -> None:
-    arm = ArmParameters.linear(link_lengths=(4.0, 4.0))
-    miss = math.hypot(6.3, 6.3) - 8.0  # 0.9095 m
-    with pytest.raises(ValueError, match=re.escape(f"misses it by {miss:.4g} m")) as caught:
-        PAPER.check_reach(arm)
-    assert "(-6.3, -6.3)" in str(caught.value)
+def arm(*lengths: float) -> ArmParameters:
+    return ArmParameters.linear(link_lengths=lengths)  # type: ignore[arg-type]
 
 
-def test_the_farthest_way_point_is_the_one_named() -> None:
-    path = ReferencePath([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
-    with pytest.raises(ValueError, match=r"\(9\.5, 0\.0\) m is 9\.5 m .* misses it by 0\.5 m"):
-        path.check_reach(ArmParameters.linear())
-
-
-def test_a_side_through_the_hole_of_unequal_links_says_by_how_much() -> None:
-    """Its corners are all within reach: only the side's nearest point, 3 m from the shoulder, is not."""
-    arm = ArmParameters.linear(link_lengths=(8.0, 4.5))
-    path = square(SquareParameters(side=6.0))
-    assert all(3.5 < np.linalg.norm(corner) < 12.5 for corner in path.table[:, 1:])
-    with pytest.raises(ValueError, match=r"passes the shoulder at 3 m.* 3\.5 m away, which misses it by 0\.5 m"):
-        path.check_reach(arm)
-    square(SquareParameters(side=7.1)).check_reach(arm)
+FAR = ReferencePath([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
+# Its corners are all within reach of unequal links: only a side's nearest point, 3 m from the shoulder, is not.
+AROUND_A_HOLE = square(SquareParameters(side=6.0))
+test_what_cannot_be_reached_is_refused = refused(
+    (lambda: PAPER.check_reach(arm(4.0, 4.0)), r"\(-6\.3, -6\.3\).* misses it by 0\.9095 m"),
+    (lambda: FAR.check_reach(arm(4.5, 4.5)), r"\(9\.5, 0\.0\) m is 9\.5 m .* misses it by 0\.5 m"),
+    (lambda: AROUND_A_HOLE.check_reach(arm(8.0, 4.5)), r"at 3 m.* 3\.5 m away, which misses it by 0\.5 m"),
+    (lambda: inverse_kinematics(arm(5.0, 3.0), (9.0, 0.0)), r"point = \(9\.0, 0\.0\) m: out of .* reach by 1 m"),
+    (lambda: inverse_kinematics(arm(5.0, 3.0), (0.0, 1.5)), r"point = \(0\.0, 1\.5\) m: out of .* reach by 0\.5 m"),
+    (lambda: inverse_kinematics(arm(5.0, 3.0), (np.nan, 0.0)), "point"),
+    (lambda: inverse_kinematics(arm(5.0, 3.0), (1.0, 2.0, 3.0)), "point"),
+)
 
 
 def test_reach_is_decided_at_its_edge() -> None:
     """A quadrilateral that touches the reach is reachable, one that is longer by a part in 10^12 is not."""
-    corner = math.hypot(6.3, 6.3)
-    PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 + 1e-12), corner / 2)))
+    square(SquareParameters(side=7.1)).check_reach(arm(8.0, 4.5))
+    half = math.hypot(6.3, 6.3) / 2
+    PAPER.check_reach(arm(half * (1 + 1e-12), half))
     with pytest.raises(ValueError, match="misses it"):
-        PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 - 1e-12), corner / 2)))
+        PAPER.check_reach(arm(half * (1 - 1e-12), half))
 
 
 @given(
@@ -138,47 +124,31 @@ def test_reach_is_decided_at_its_edge() -> None:
 def test_inverse_kinematics_round_trip(
     lengths: tuple[float, float], share: float, bearing: float, branch: ElbowBranch
 ) -> None:
-    arm = ArmParameters.linear(link_lengths=lengths, modes_per_link=1)
     nearest = abs(lengths[0] - lengths[1])
     distance = nearest + share * (sum(lengths) - nearest)
     target = distance * np.array([math.cos(bearing), math.sin(bearing)])
-    angles = inverse_kinematics(arm, target, branch)
+    angles = inverse_kinematics(arm(*lengths), target, branch)
     assert angles.shape == (2,)
-    q = np.concatenate([angles, np.zeros(2)])
     # the half-angle formula keeps its digits at both edges of the reach, where the cosine rule loses half of them
-    np.testing.assert_allclose(FlexibleArm(arm).tip(q), target, atol=1e-14 * sum(lengths))
+    np.testing.assert_allclose(
+        FlexibleArm(arm(*lengths)).tip(np.append(angles, np.zeros(4))), target, atol=1e-14 * sum(lengths)
+    )
     assert angles[1] * (1.0 if branch == "positive" else -1.0) >= 0.0
     if branch == "positive":  # as everywhere else unless told otherwise
-        np.testing.assert_array_equal(inverse_kinematics(arm, target), angles)
+        np.testing.assert_array_equal(inverse_kinematics(arm(*lengths), target), angles)
 
 
-def test_inverse_kinematics_refuses_what_is_out_of_reach() -> None:
-    arm = ArmParameters.linear(link_lengths=(5.0, 3.0))
-    with pytest.raises(ValueError, match=r"point = \(9\.0, 0\.0\) m: out of the tip's reach by 1 m"):
-        inverse_kinematics(arm, (9.0, 0.0), "positive")
-    with pytest.raises(ValueError, match=r"point = \(0\.0, 1\.5\) m: out of the tip's reach by 0\.5 m"):
-        inverse_kinematics(arm, (0.0, 1.5), "positive")
-    for point in [(np.nan, 0.0), (1.0, 2.0, 3.0)]:
-        with pytest.raises(ValueError, match="point"):
-            inverse_kinematics(arm, point, "positive")
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ([(0.0, 1.0, 1.0)], "times must increase from 0, two at least"),
-        ([(0.5, 1.0, 1.0), (1.0, 2.0, 2.0), (2.0, 1.0, 1.0)], "times must increase from 0"),
-        ([(0.0, 1.0, 1.0), (1.0, 2.0, 2.0), (1.0, 3.0, 2.0), (2.0, 1.0, 1.0)], "times must increase from 0"),
-        ([(0.0, 1.0, 1.0), (2.0, 2.0, 2.0), (1.0, 1.0, 1.0)], "times must increase from 0"),
-        ([(0.0, 1.0, 1.0), (1.0, np.nan, 2.0), (2.0, 1.0, 1.0)], r"table\[1, 1\] = nan: must be finite"),
-        ([(0.0, 1.0), (1.0, 1.0)], r"table: must have shape \(n, 3\), got \(2, 2\)"),
-        ([], r"table: must have shape \(n, 3\)"),
-        ("square", "table = .square.: must be an array of real numbers"),
-    ],
+test_a_wrong_table_is_refused = refused(
+    ([(0.0, 1.0, 1.0)], "times must increase from 0, two at least"),
+    ([(0.5, 1.0, 1.0), (1.0, 2.0, 2.0), (2.0, 1.0, 1.0)], "times must increase from 0"),
+    ([(0.0, 1.0, 1.0), (1.0, 2.0, 2.0), (1.0, 3.0, 2.0), (2.0, 1.0, 1.0)], "times must increase from 0"),
+    ([(0.0, 1.0, 1.0), (2.0, 2.0, 2.0), (1.0, 1.0, 1.0)], "times must increase from 0"),
+    ([(0.0, 1.0, 1.0), (1.0, np.nan, 2.0), (2.0, 1.0, 1.0)], r"table\[1, 1\] = nan: must be finite"),
+    ([(0.0, 1.0), (1.0, 1.0)], r"table: must have shape \(n, 3\), got \(2, 2\)"),
+    ([], r"table: must have shape \(n, 3\)"),
+    ("square", "table = .square.: must be an array of real numbers"),
+    by=ReferencePath,
 )
-def test_a_wrong_table_is_refused(table: Sequence[tuple[float, ...]], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        ReferencePath(table)
 
 
 def test_a_path_keeps_its_own_table() -> None:
