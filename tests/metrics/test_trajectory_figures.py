@@ -82,7 +82,7 @@ UP = np.array([0.0, 12.6])
 
 
 def overshoot(incoming: np.ndarray, *window: float) -> float:
-    return metrics.overshoot(PAST_A_CORNER, np.arange(5.0), np.array([-6.3, 6.3]), incoming, window)  # type: ignore[arg-type]
+    return metrics.overshoot(PAST_A_CORNER, np.arange(5.0), np.array([-6.3, 6.3]), incoming, window)
 
 
 def test_overshoot_in_the_incoming_direction() -> None:

@@ -89,7 +89,7 @@ def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
 
 
 def arm(*lengths: float) -> ArmParameters:
-    return ArmParameters.linear(link_lengths=lengths)  # type: ignore[arg-type]
+    return ArmParameters.linear(link_lengths=lengths)
 
 
 FAR = ReferencePath([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
