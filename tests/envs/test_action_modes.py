@@ -170,7 +170,6 @@ def test_the_inner_law_acts_in_continuous_time(options: dict[str, Any]) -> None:
 
 
 def test_torque_limits_hold() -> None:
-    """The sum of action and inner law is limited, and reaches the limit."""
     limit = np.array([20.0, 5.0])
     for env_id, options in ((RESIDUAL, {}), (SQUARE, {}), (GAIN, {"arm": "default", "gain_limit": 20.0})):
         env = bare(env_id, torque_limit=(20.0, 5.0), start="corner", **(FREE | options))

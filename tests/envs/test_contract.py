@@ -27,6 +27,7 @@ from tests.support.envs import (
     POOR_SENSOR,
     RANDOM,
     SQUARE,
+    actions_for,
     assert_same,
     bare,
     in_fresh_process,
@@ -168,7 +169,6 @@ MADE += [partial(vector, autoreset_mode=mode, max_episode_steps=4) for mode in (
 @pytest.mark.parametrize("made", MADE, ids=label)
 @pytest.mark.usefixtures("uncompiled")
 def test_what_is_handed_out_is_new(made: Any) -> None:
-    """What was given out before does not change, and changing it changes nothing."""
     env, twin = made(), made()
     action = np.full(env.action_space.shape, 0.1, np.float32)
     earlier = kept = None
@@ -198,25 +198,18 @@ def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, A
     assert np.isfinite(env.observation_space.high).all()
 
 
-WORKERS = 2
-OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
-
-
-def played(env: Any, steps: int = 20) -> list[Any]:
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, WORKERS, 2)).astype(np.float32)
-    return [env.reset(seed=2), *(env.step(each) for each in actions)]
-
-
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_gymnasiums_worker_processes(context: str) -> None:
-    functions = [partial(gym.make, f"flexarm_env:{SQUARE}", **OPTIONS)] * WORKERS
+    options = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
     with warnings.catch_warnings():
         # Python's general warning: this process has threads, of numpy and of others, that a fork does not copy
         warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)
-        env = gym.vector.AsyncVectorEnv(functions, context=context)
-    found = played(env)
+        functions = [partial(gym.make, f"flexarm_env:{SQUARE}", **options)] * 2
+        env, twin = gym.vector.AsyncVectorEnv(functions, context=context), FlexArmVectorEnv(2, **options)
+    assert_same(env.reset(seed=2), twin.reset(seed=2))
+    for action in actions_for(twin, 20):
+        assert_same(env.step(action), twin.step(action))
     env.close()
-    assert_same(found, played(FlexArmVectorEnv(WORKERS, **OPTIONS)))
 
 
 @pytest.mark.slow

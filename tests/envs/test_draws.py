@@ -13,16 +13,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import CLAMPED_ONE_PERCENT
 from flexarm_env.simulation.step_error import TOLERANCE, expected_error
-from tests.support.envs import (
-    RESIDUAL,
-    SQUARE,
-    WITHOUT_ERRORS,
-    assert_same,
-    bare,
-    exact_actions,
-    same_as_alone,
-    vector,
-)
+from tests.support.envs import RESIDUAL, SQUARE, WITHOUT_ERRORS, assert_same, bare, exact_actions, same_as_alone, vector
 from tests.support.refusals import refused, refuses
 
 ARM: dict[str, Any] = {

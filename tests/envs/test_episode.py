@@ -14,14 +14,10 @@ from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.reset_options import DRAWN
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES, ENDS
-from tests.support.envs import REACH, SQUARE, make, vector
+from tests.support.envs import CALM, FREE, REACH, SQUARE, make, vector
 from tests.support.refusals import refuses
 
-RANDOM_EPISODES: dict[str, Any] = {
-    "randomisation": {"payload_mass": (0.0, 0.5), "delay": (0.01, 0.05)},
-    "reference": ("square", "circle", "line"),
-    "start": "mix",
-}
+RANDOM_EPISODES = CALM | {"reference": ("square", "circle", "line")}
 
 
 def test_stable_baselines3_reads_each_environments_own() -> None:
@@ -52,7 +48,7 @@ def test_a_registered_limit_below_a_lap_is_told(options: dict[str, Any]) -> None
     with pytest.warns(UserWarning, match=message):
         gym.make_vec(SQUARE, num_envs=2, **options)
     gym.make_vec(SQUARE, num_envs=2, max_episode_steps=400, **options)
-    free = {"error_limit": None, "deflection_limit": None, "start": "corner"} | options
+    free = FREE | {"start": "corner"} | options
     for limit, warns in ((None, True), (400, False)):
         env = make(**free) if limit is None else make(max_episode_steps=limit, **free)
         env.reset(seed=0)

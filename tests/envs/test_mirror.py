@@ -23,8 +23,6 @@ PATHS: list[dict[str, Any]] = [
     {"reference": "waypoints", "waypoints": WAYPOINTS},
     {"arm": {"modes_per_link": 1, "kinematics": "foreshortened"}, "direction": "counterclockwise"},
 ]
-
-
 _OTHER = {"clockwise": "counterclockwise", "positive": "negative", "lower": "upper"}
 _OTHER |= {second: first for first, second in _OTHER.items()}
 
@@ -63,11 +61,7 @@ def pair(**options: Any) -> tuple[PlainEnvironment, PlainEnvironment]:
 
 
 def check_mirrored(one: PlainEnvironment, other: PlainEnvironment, steps: int = 12) -> Array:
-    """Drive both, the other one by the mirrored actions, and compare observations, states and rewards.
-
-    Returns:
-        The largest magnitude of each number of the observations. Shape (k,).
-    """
+    """Drive both, one by the mirrored actions, and compare; return the observations' largest magnitudes. Shape (k,)."""
     signs, action_sign = one.simulator.layout.mirror, one.simulator.settings.mode.mirror
     random = np.random.default_rng(5)
     channels = len(one.simulator.settings.action_limit)

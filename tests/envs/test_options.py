@@ -109,7 +109,6 @@ MESSAGES = [(*kind, *row) for kind, rows in REFUSED.items() for row in rows]
 
 @pytest.mark.parametrize(("env_id", "error", "message", "options"), MESSAGES, ids=label)
 def test_a_wrong_option_fails_at_make(env_id: str, error: Any, message: str, options: dict[str, Any]) -> None:
-    """Naming the option, its value and what is allowed."""
     with pytest.raises(error, match=message):
         make(env_id, **options) if "render_mode" not in options else FlexArmEnv(**options)
 

@@ -100,7 +100,6 @@ def test_an_episode_takes_one_number_from_the_generator() -> None:
 
 
 def test_observing_more_changes_nothing() -> None:
-    """Noise and starts do not depend on who looks."""
     blocks = ["sensed_position", "joint_rates"]
     few, many = bare(observation=blocks, **NOISY), bare(**NOISY)
     for _ in range(30):

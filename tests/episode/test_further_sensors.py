@@ -97,23 +97,23 @@ def test_readings_in_an_environment(kernels: str) -> None:
     noisy = bare(**ON_LINK_1, **options, second_sensor_delay=0.02, second_sensor_noise=0.05)
     without = bare(observation=BOTH[:-2], **options)
     actions = 0.2 * actions_for(quiet, 300)
-    runs = []
+    observations, infos = [], []
     for env in (quiet, noisy, without):
         rows = [env.reset(seed=3), *(env.step(action)[::4] for action in actions)]
-        runs.append((np.array([row[0] for row in rows], dtype=float), [row[1] for row in rows]))
+        observations.append(np.array([row[0] for row in rows], dtype=float))
+        infos.append([row[1] for row in rows])
     # what does not concern the second sensor keeps its bits, its noise included
-    shared = runs[2][0].shape[1]
-    np.testing.assert_array_equal(runs[0][0][:, :shared], runs[2][0])
-    np.testing.assert_array_equal(runs[1][0][:, :shared], runs[2][0])
-    assert "second_sensed" not in runs[2][1][0]
-    states = np.array([info["state"] for info in runs[0][1]])
+    for found in observations[:2]:
+        np.testing.assert_array_equal(found[:, : observations[2].shape[1]], observations[2])
+    assert "second_sensed" not in infos[2][0]
+    states = np.array([info["state"] for info in infos[0]])
+    seen, other = (np.array([info["second_sensed"] for info in each]) for each in infos[:2])
     points = quiet.arm.position(states[:, : quiet.arm.size], 1, 4.5)
-    seen = np.array([info["second_sensed"] for info in runs[0][1]])
     np.testing.assert_allclose(seen[2:], points[:-2], rtol=0.0, atol=1e-12)  # two periods: nothing is interpolated
-    np.testing.assert_allclose(block(quiet, runs[0][0], "second_sensed_position"), seen, rtol=1e-6, atol=1e-6)
-    difference = np.array([info["second_sensed"] for info in runs[1][1]]) - seen
+    np.testing.assert_allclose(block(quiet, observations[0], "second_sensed_position"), seen, rtol=1e-6, atol=1e-6)
+    difference = other - seen
     assert difference.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.1)
     assert np.abs(difference.mean(axis=0)).max() < 0.01
     assert abs(np.corrcoef(*difference.T)[0, 1]) < 0.15
-    of_first = np.array([info["sensed"] for info in runs[0][1]]) - quiet.arm.tip(states[:, : quiet.arm.size])
+    of_first = np.array([info["sensed"] for info in infos[0]]) - quiet.arm.tip(states[:, : quiet.arm.size])
     assert abs(np.corrcoef(difference[1:, 0], np.diff(of_first[:, 0]))[0, 1]) < 0.15

@@ -29,10 +29,6 @@ def arm_with(arm: dict[str, Any], mass: float) -> FlexibleArm:
     return FlexibleArm(replace(Settings.of({"arm": arm}).flexible_arm.parameters, payload_mass=mass))
 
 
-def memory_of(env: PlainEnvironment) -> Any:
-    return env.simulator._memory
-
-
 @pytest.mark.parametrize("arm", ARMS)
 def test_motion_goes_on_as_that_of_an_arm_made_with_the_mass(arm: dict[str, Any]) -> None:
     """Its state is where the last one left off: no rate jumps. The payload of the lap's start is the last change's."""
@@ -59,7 +55,7 @@ def test_rates_stay_and_momenta_and_energy_take_the_mass(arm: dict[str, Any]) ->
         env.step(action)
     before = {name: env.row(name) for name in ("Y", "V", "P", "FORCE")}
     with plain_python(env.simulator._variant):
-        change_payloads(block_at(memory_of(env), 0), 0)
+        change_payloads(block_at(env.simulator._memory, 0), 0)
     after = {name: env.row(name) for name in before}
     for name in ("Y", "V"):
         np.testing.assert_array_equal(after[name], before[name])
@@ -98,7 +94,7 @@ def test_the_latest_change_of_the_lap_counts(phases: list[float], lap: float, st
     changes = tuple((one, float(n)) for n, one in enumerate(phases))
     env = PlainEnvironment(arm=ARMS[0], lap_time=lap, payload_changes=changes, start="corner", physics_step=0.002)
     with plain_python(env.simulator._variant):
-        block = block_at(memory_of(env), 0)
+        block = block_at(env.simulator._memory, 0)
         block.clock[clock_row.STEPS, 0] = steps
         found = carried_payload(block, 0, 0)
     phase = steps * env.simulator.settings.integration.step / lap % 1.0
@@ -107,18 +103,14 @@ def test_the_latest_change_of_the_lap_counts(phases: list[float], lap: float, st
 
 
 def test_success_is_to_be_there_when_the_payload_changes() -> None:
-    resting: dict[str, Any] = {"reference": "stops", "start": "corner"}
-    near = PlainEnvironment(arm=ARMS[0], **resting, payload_changes=((0.01 / 16, 1.0), (0.02 / 16, 0.0)))
-    assert near.result("SUCCESS") == [0.0]
-    near.step((0.0, 0.0))
-    assert near.result("SUCCESS") == [0.0]
-    near.step((0.0, 0.0))
-    assert near.result("SUCCESS") == [1.0]
-    far = PlainEnvironment(arm=ARMS[0], payload_changes=((0.05 / 16, 1.0), (0.06 / 16, 0.0)), start="corner")
-    for _ in range(8):
-        far.step((0.0, 0.0))
-    assert far.result("SUCCESS") == [0.0]
-    assert far.row("MISSED") == [1.0]
+    """The reference of "stops" rests at first; that of the square leaves the arm behind."""
+    for reference, first, second, expected in (("stops", 0.01, 0.02, [0, 1]), ("square", 0.05, 0.06, [0] * 8)):
+        changes = ((first / 16, 1.0), (second / 16, 0.0))
+        env = PlainEnvironment(arm=ARMS[0], reference=reference, payload_changes=changes, start="corner")
+        assert env.result("SUCCESS") == [0.0]
+        found = [(env.step((0.0, 0.0)), env.result("SUCCESS")[0])[1] for _ in expected]
+        assert found == expected
+        assert env.row("MISSED") == [reference == "square"]
 
 
 def test_what_does_not_fit_is_refused() -> None:
