@@ -76,25 +76,19 @@ def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode:
 RATE: dict[str, Any] = {"action_mode": "torque_rate", "observation": [*DEFAULT_OBSERVATION, "torque"]}
 
 
-def summed(actions: Array, change: Array, limit: Array = TORQUE_LIMITS) -> Array:
-    """Torques that the actions add up to, each within the limit. Shape (steps, 2)."""
-    torques = [np.zeros(2)]
-    for action in actions:
-        torques.append(np.clip(torques[-1] + change * action, -limit, limit))
-    return np.array(torques[1:])
-
-
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_torque_rates_add_up(kernels: str) -> None:
     """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
     env = bare(start="moving", physics_step=1e-3, **RATE, **FREE)
     actions = np.clip(exact_actions(60) + 0.3125, -1.0, 1.0)
+    changes, expected = actions * (30.0, 10.0), [np.zeros(2)]
+    for change in changes:
+        expected.append(np.clip(expected[-1] + change, -TORQUE_LIMITS, TORQUE_LIMITS))
     for _ in range(2):
         observations, infos = zip(env.reset(seed=1), *(env.step(action)[::4] for action in actions), strict=True)
         states, torques = (np.array([info[name] for info in infos]) for name in ("state", "torque"))
-        expected = summed(actions, np.array([30.0, 10.0]))
         assert (np.abs(expected) == TORQUE_LIMITS).any(axis=0).all()
-        np.testing.assert_allclose(torques, [np.zeros(2), *expected], rtol=1e-14)
+        np.testing.assert_allclose(torques, expected, rtol=1e-14)
         np.testing.assert_allclose(block(env, np.array(observations), "torque"), torques, rtol=1e-6)
         run = env.arm.simulate(states[0], np.repeat(torques[1:], 10, axis=0), 0.6)
         np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())

@@ -68,8 +68,6 @@ def test_success_is_a_lap_with_a_quiet_final_rest() -> None:
     settings = {name: make(f"FlexArm/{name}").unwrapped.settings for name in IDS}
     assert [name for name, own in settings.items() if "is_success" in info_keys(own)] == ["Reach-v0", "Carry-v0"]
     env = make(REACH, error_limit=None, deflection_limit=None)
-    inner = env.unwrapped
-    assert isinstance(inner, FlexArmEnv)
     still = np.zeros(2, np.float32)
     for late, wanted in ((12.0, 1.0), (12.01, 0.0)):
         # at rest on the resting reference no torque keeps the tip where it is

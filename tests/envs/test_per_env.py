@@ -8,10 +8,9 @@ import pytest
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.per_env import OPTIONS, settings_of_each
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
-from tests.support.envs import GAIN, IDS, RESIDUAL, SQUARE, assert_same, bare, make, same_as_alone, vector
+from tests.support.envs import GAIN, IDS, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
 from tests.support.plain import KERNELS
 from tests.support.refusals import refused, refuses
 
@@ -205,8 +204,7 @@ def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) 
 @pytest.mark.parametrize("env_id", IDS)
 def test_which_ids_draw_the_branch(env_id: str) -> None:
     """All but the moves, whose other branch is a mirror image, the paper's set-up, races; a seed decides the draw."""
-    env = make(env_id, start="corner").unwrapped
-    assert isinstance(env, FlexArmEnv)
+    env = bare(env_id, start="corner")
     drawn = [(env.reset(seed=seed), env.episode.elbow_branch)[1] for seed in (*range(12), *range(12))]
     assert drawn[:12] == drawn[12:]
     one_side = {"FlexArm/Reach-v0": "positive", "FlexArm/Paper-v0": "positive", "FlexArm/Race-v0": "negative"}

@@ -15,7 +15,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import PATHS
-from tests.support.envs import FREE, assert_same, bare, same_as_alone, vector
+from tests.support.envs import FREE, assert_same, bare, same_as_alone
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
@@ -137,8 +137,6 @@ def test_a_state_goes_on_and_a_batch_is_as_each_alone() -> None:
 def test_compiled_kernels_do_the_same() -> None:
     drawn = {"payload_mass": (0.0, 0.5), "delay": (0.0, 0.06), "side": (6.0, 12.0)}
     same_as_alone(RACE, 9, {"randomisation": drawn, "start": "corners", "noise": 0.01}, 60)
-    envs = vector(RACE, 2, seed=1, reference="circle")
-    assert envs.step(F32([[0.0, 0.0, 0.2]] * 2))[4]["progress"].tolist() == [0.01, 0.01]
 
 
 def test_infos_of_other_modes_have_none_of_it() -> None:

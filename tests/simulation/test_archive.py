@@ -71,12 +71,6 @@ def with_entry(path: Path, name: str, content: bytes, **options: Any) -> Path:
     return path
 
 
-def head_of(text: str) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, np.array(text))
-    return stream.getvalue()
-
-
 def configured(path: Path, **changes: Any) -> Path:
     return policy_file(path, {"notes": {"config": CONFIG | changes}})
 
@@ -99,11 +93,6 @@ def overlapping(path: Path) -> Path:
     return path
 
 
-def written(path: Path, content: bytes) -> Path:
-    path.write_bytes(content)
-    return path
-
-
 def more(kept: Any, path: Path) -> Path:
     """Save something with an array that it does not know."""
     kept.save(path)
@@ -122,10 +111,11 @@ def bomb(kept: Any, path: Path, name: str) -> Path:
     return path
 
 
-def loaded(make: Callable[[Path], Path], load: Callable[[Path], Any] = load_policy) -> None:
+def loaded(make: Callable[[Path], Any], load: Callable[[Path], Any] = load_policy) -> None:
     """Load a file: an error names it, and little of it was read."""
     with TemporaryDirectory() as folder:
-        path = make(Path(folder) / "file.npz")
+        path = Path(folder) / "file.npz"
+        make(path)
         tracemalloc.start()
         with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as caught:
             load(path)
@@ -143,8 +133,8 @@ test_policies_of_strangers = refused(
     (lambda p: with_entry(p, "weight_0.npy", raw_entry((2, 3), "<f4", bytes(99))), "bytes, not 227"),
     (lambda p: with_entry(p, "bias_0.npy", raw_entry((-2,), "<f4")), "should have"),
     (lambda p: with_entry(p, "bias_0.npy", raw_entry((1,), "|O", b"x" * 8)), "must hold float32, got object"),
-    (lambda p: with_entry(p, "head.npy", head_of("[" * 100_000)), r"not a saved policy \("),
-    (lambda p: with_entry(p, "head.npy", head_of("x" * 1_000_001)), "not a text of at most 1000000 char"),
+    (lambda p: saved(p, head="[" * 100_000), r"not a saved policy \("),
+    (lambda p: saved(p, head="x" * 1_000_001), "not a text of at most 1000000 char"),
     (lambda p: with_entry(p, "head.npy", raw_entry((), "|S2", b"{}")), "not a text of at most"),
     (lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "' is compressed; must be"),
     (lambda p: with_entry(p, "weight_0.npy", b"1 2 3"), r"not a saved policy \("),
@@ -175,9 +165,9 @@ test_runs_of_strangers = refused(
     (lambda p: run_file(p, {"notes": None}), "notes = None: must be a mapping"),
     (lambda p: run_file(p, {"parameters": [1]}), r"parameters = \[1\]: must be a mapping"),
     (lambda p: run_file(p, {"parameters": {"modes_per_link": 99}}), "modes_per_link = 99: must be an integer"),
-    (lambda p: written(p, b"time, x, y"), r"not a saved Trajectory \("),
-    (lambda p: written(p, b"\x93NUMPY" + bytes(200)), r"not a saved Trajectory \(File is not a zip file\)"),
-    (lambda p: written(p, run_file(p).read_bytes()[:100]), r"not a saved Trajectory \("),
+    (lambda p: p.write_bytes(b"time, x, y"), r"not a saved Trajectory \("),
+    (lambda p: p.write_bytes(b"\x93NUMPY" + bytes(200)), r"not a saved Trajectory \(File is not a zip file\)"),
+    (lambda p: p.write_bytes(run_file(p).read_bytes()[:100]), r"not a saved Trajectory \("),
     (lambda p: saved(p, time=np.zeros(3)), r"not a saved Trajectory \(no entry 'head'\)"),
     (lambda p: saved(p, head='{"format": 99}'), "format 99; this version reads 1"),
     (lambda p: saved(p, head="[1]"), r"not a saved Trajectory \(the entry 'head' is not a JSON object\)"),
