@@ -11,8 +11,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
+from flexarm_env import ArmParameters, FlexibleArm, warm_up
 from flexarm_env.extras import install_command
+from flexarm_env.rollout import run_policy
 from tests.support.envs import SQUARE, WITHOUT_ERRORS, assert_same, bare, in_fresh_process, kinds_of
+from tests.support.refusals import refused
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -37,22 +40,23 @@ def played(env: Any, seed: int, steps: int = 12) -> list[Any]:
     return [env.reset(seed=seed), *(env.step(action) for action in actions_for(steps))]
 
 
-@pytest.mark.parametrize("options", [{}, RANDOM], ids=["defaults", "random"])
-def test_gymnasiums_checker(options: dict[str, Any]) -> None:
-    check_env(make(**options).unwrapped, skip_render_check=True)
-
-
-def test_stable_baselines3s_checker() -> None:
+def test_the_checkers_of_gymnasium_and_stable_baselines3() -> None:
+    for options in ({}, RANDOM):
+        check_env(make(**options).unwrapped, skip_render_check=True)
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(make(**RANDOM), warn=True)
 
 
-def test_a_seed_decides_an_episode() -> None:
+def test_a_seed_decides_an_episode_and_a_copy_goes_on_by_itself() -> None:
     env = make(**RANDOM)
     first = played(env, 3)
     played(env, 4)
-    assert_same(played(env, 3), first)
-    assert_same(played(make(**RANDOM), 3), first)
+    twin = copy.deepcopy(env)
+    action = actions_for(1)[0]
+    after = env.step(action)
+    assert_same(twin.step(action), after)
+    for one in (env, make(**RANDOM)):
+        assert_same(played(one, 3), first)
 
 
 def test_an_episode_is_that_of_a_chain_made_with_what_it_drew() -> None:
@@ -93,15 +97,6 @@ def test_gymnasiums_vector_environments_step_single_ones() -> None:
     assert_same(runs[0][1][0][1], alone.step(actions_for(8, 2)[0, 1])[0])
 
 
-def test_a_copy_goes_on_by_itself() -> None:
-    env = make(**RANDOM)
-    played(env, 0, 3)
-    twin = copy.deepcopy(env)
-    action = actions_for(1)[0]
-    after = env.step(action)
-    assert_same(twin.step(action), after)
-
-
 def test_a_state_is_the_chains_too() -> None:
     """With another payload, whose chain is built anew."""
     env, other = make(**RANDOM), make(**RANDOM)
@@ -132,18 +127,12 @@ def state_of(env: Any) -> NDArray[np.float64]:
     return np.concatenate([[0.4, 1.1], modal[0], [0.5, -0.7], 10.0 * modal[1]])
 
 
-def test_a_state_is_read_back() -> None:
+def test_a_state_is_read_back_and_points_are_where_mujoco_has_them() -> None:
     env = make(segments=12)
-    state = state_of(env)
+    state, arm = state_of(env), env.unwrapped.arm
     _, info = env.reset(seed=0, options={"state": state})
     np.testing.assert_allclose(info["state"], state, rtol=1e-10, atol=1e-12)
-    arm = env.unwrapped.arm
     np.testing.assert_allclose(info["true_tip"], arm.tip(state[: arm.size]), atol=0.02)  # the chain keeps its length
-
-
-def test_points_are_where_mujoco_has_them() -> None:
-    env = make(segments=12)
-    env.reset(seed=0, options={"state": state_of(env)})
     plant = env.unwrapped.simulator.plant
     chain = plant.chain
     np.testing.assert_allclose(plant.truth().true_tip, chain.tip(), atol=1e-13)
@@ -159,7 +148,7 @@ def test_points_are_where_mujoco_has_them() -> None:
 
 def test_gauges_of_a_chain_are_those_of_any_arm() -> None:
     """As matrices, and by the deflections that they fit; theta2 goes with the fitted slope of link 1's tip."""
-    from tests.validation.arms import EngineChain, Gauges
+    from tests.validation.arms import EngineChain, Gauges  # they need MuJoCo
 
     env = make(segments=12)
     env.reset(seed=0)
@@ -186,8 +175,6 @@ def test_encoders_read_the_motors_hinges() -> None:
 
 def test_a_fine_chain_moves_as_many_shapes_do() -> None:
     """Half a second under the same torques, from rest; four polynomials with foreshortening have converged there."""
-    from flexarm_env import ArmParameters, FlexibleArm
-
     env = make(segments=20, start="corner")
     _, info = env.reset(seed=0)
     arm = FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial", kinematics="foreshortened"))
@@ -224,8 +211,6 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm(uncompiled: None) ->
 
 def test_a_record_has_the_chains_own_tip() -> None:
     """Not that of the model whose coordinates the gauges read; the two are apart where torques jump."""
-    from flexarm_env.rollout import run_policy
-
     env = gym.make(CHAIN, max_episode_steps=20)
     actions = iter(np.sign(np.sin(np.arange(21.0)))[:, None] * np.ones(2, dtype=np.float32))
     run = run_policy(env, lambda observation: next(actions), lap="plain")
@@ -234,38 +219,28 @@ def test_a_record_has_the_chains_own_tip() -> None:
     assert np.linalg.norm(env.unwrapped.arm.tip(run.state[-1, :8]) - last) > 1e-4
 
 
-@pytest.mark.parametrize(
-    ("options", "kind", "words"),
-    [
-        ({"segments": 2}, ValueError, "segments = 2: must be"),
-        ({"segments": 3}, ValueError, "segments = 3: must be at least 5"),
-        ({"chain_step": 0.0}, ValueError, "chain_step = 0.0: must be"),
-        ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
-        ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
-        ({"action_mode": "gain", "feedback_source": "sensor"}, ValueError, "feedback_source = 'sensor': on a chain"),
-        ({"chain_step": 1e-6, "physics_step": 0.002}, ValueError, "take more than 1000 steps"),
-    ],
+test_refusals = refused(
+    (lambda: make(segments=2), "segments = 2: must be"),
+    (lambda: make(segments=3), "segments = 3: must be at least 5"),
+    (lambda: make(chain_step=0.0), "chain_step = 0.0: must be"),
+    (lambda: make(segment=6), "TypeError: 'segment'; did you mean 'segments'"),
+    (lambda: make(action_mode="residual"), "its law acts within the compiled arm"),
+    (lambda: make(action_mode="gain", feedback_source="sensor"), "feedback_source = 'sensor': on a chain"),
+    (lambda: make(chain_step=1e-6, physics_step=0.002), "take more than 1000 steps"),
+    (lambda: warm_up([CHAIN], num_envs=[4]), "has no batch of its own"),
 )
-def test_bad_options(options: dict[str, Any], kind: type[Exception], words: str) -> None:
-    with pytest.raises(kind, match=words):
-        make(**options)
+
+
+WITHOUT_MUJOCO = f"""
+import sys
+sys.modules["mujoco"] = None
+import gymnasium, flexarm_env
+try:
+    gymnasium.make("{CHAIN}")
+except ModuleNotFoundError as error:
+    print(error)
+"""
 
 
 def test_without_mujoco_the_extra_is_named() -> None:
-    code = (
-        "import sys\n"
-        "sys.modules['mujoco'] = None\n"
-        "import gymnasium, flexarm_env\n"
-        "try:\n"
-        f"    gymnasium.make('{CHAIN}')\n"
-        "except ModuleNotFoundError as error:\n"
-        "    print(error)\n"
-    )
-    assert f"mujoco is not installed; run `{install_command('chain')}`" in in_fresh_process(code)
-
-
-def test_there_is_no_batch_of_its_own() -> None:
-    from flexarm_env import warm_up
-
-    with pytest.raises(ValueError, match="has no batch of its own"):
-        warm_up([CHAIN], num_envs=[4])
+    assert f"mujoco is not installed; run `{install_command('chain')}`" in in_fresh_process(WITHOUT_MUJOCO)

@@ -14,6 +14,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.physics import sensing
 from tests.support.envs import Array
 from tests.support.plain import PlainEnvironment
+from tests.support.refusals import refused
 
 ONE_MODE = {"arm": {"modes_per_link": 1}}
 FURTHER_SENSORS = {
@@ -57,14 +58,8 @@ class ModalPlant:
     def set_state(self, state: Array, quantities: Mapping[str, float]) -> None:
         own = self.settings.flexible_arm.parameters
         rigidities = tuple(quantities["stiffness"] * each for each in own.flexural_rigidities)
-        self.arm = FlexibleArm(
-            replace(
-                own,
-                payload_mass=quantities["payload_mass"],
-                damping_ratio=quantities["damping"],
-                flexural_rigidities=rigidities,
-            )
-        )
+        drawn = {"payload_mass": quantities["payload_mass"], "damping_ratio": quantities["damping"]}
+        self.arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, **drawn))
         self.state, self.torque = state[:-2], state[-2:]
 
     def advance(self, command: Array, reference: Any) -> Array:
@@ -79,10 +74,8 @@ class ModalPlant:
         for one in settings.further_sensors:
             slopes = self.arm.modes[one.link - 1].slope(one.position)
             mount = sensing.Mount(one.link, self.arm.place(one.link, one.position), slopes)
-            read = [
-                *read,
-                *sensing.QUANTITIES_AT_A_POINT[one.sensor.quantity].formula(self.arm.constants, mount, motion),
-            ]
+            quantity = sensing.QUANTITIES_AT_A_POINT[one.sensor.quantity]
+            read = [*read, *quantity.formula(self.arm.constants, mount, motion)]
         return np.array(read)
 
     def encoders(self) -> Array:
@@ -101,16 +94,21 @@ class ModalPlant:
         return y, v
 
 
+def started(options: dict[str, Any]) -> HostedSimulator:
+    settings = Settings.of(options)
+    hosted = HostedSimulator(settings, ModalPlant(settings))
+    hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
+    return hosted
+
+
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_all_around_the_arm_is_the_same(name: str) -> None:
     options = {**CASES[name], **ONE_MODE}
-    settings = Settings.of(options)
-    within, hosted = PlainEnvironment(**options), HostedSimulator(settings, ModalPlant(settings))
+    within, hosted = PlainEnvironment(**options), started(options)
     within.reset(key=5)
-    hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
     actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, 2))
     for action in [None, *actions]:
         if action is not None:
@@ -122,9 +120,7 @@ def test_all_around_the_arm_is_the_same(name: str) -> None:
 
 
 def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None:
-    settings = Settings.of(ONE_MODE)
-    hosted = HostedSimulator(settings, ModalPlant(settings))
-    hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
+    hosted = started(ONE_MODE)
     before = hosted.result(0)
     hosted.actions[0] = np.nan
     with pytest.raises(ValueError, match="must be finite"):
@@ -132,8 +128,7 @@ def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None
     np.testing.assert_array_equal(hosted.result(0), before)
 
 
-@pytest.mark.parametrize("mode", ["residual", "reference"])
-def test_a_law_within_the_compiled_arm_is_refused(mode: str) -> None:
-    settings = Settings.of({"action_mode": mode})
-    with pytest.raises(ValueError, match=f"action_mode = '{mode}': its law acts within the compiled arm"):
-        HostedSimulator(settings, ModalPlant(settings))
+test_a_law_within_the_compiled_arm_is_refused = refused(
+    *((mode, f"action_mode = '{mode}': its law acts within the compiled arm") for mode in ("residual", "reference")),
+    by=lambda mode: started({"action_mode": mode}),
+)

@@ -36,6 +36,13 @@ def widen(place: Path) -> None:
     place.chmod(place.stat().st_mode | 0o020)
 
 
+def raising(error: Exception) -> Any:
+    def refuse(*arguments: Any, **named: Any) -> None:
+        raise error
+
+    return refuse
+
+
 def give_away(place: Path) -> None:
     if os.getuid() != 0:
         pytest.skip("only root can give something away")

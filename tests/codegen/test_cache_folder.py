@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from flexarm_env.codegen import cache_folder
-from tests.codegen.conftest import give_away, warnings_of, widen
+from tests.codegen.conftest import give_away, raising, warnings_of, widen
 
 
 def belong_to_another(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,15 +32,11 @@ def test_a_chosen_folder_that_others_can_write_to_is_refused(folder: Path, mode:
     assert cache_folder.find_folder() == folder
 
 
-@pytest.mark.parametrize("linked", [False, True])
-def test_a_chosen_folder_of_another_user_is_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, linked: bool
-) -> None:
-    target = folder.with_name("target") if linked else folder
+def test_a_chosen_folder_of_another_user_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = folder.with_name("target")
     target.mkdir()
-    if linked:
-        folder.symlink_to(target)
-        assert cache_folder.find_folder() == folder
+    folder.symlink_to(target)
+    assert cache_folder.find_folder() == folder
     belong_to_another(target, monkeypatch)
     with pytest.raises(PermissionError, match=r"FLEXARM_CACHE_DIR = .*another user"):
         cache_folder.find_folder()
@@ -105,10 +102,7 @@ def test_a_file_in_the_place_of_the_chosen_folder_is_refused(
 def test_a_chosen_folder_that_cannot_be_made_costs_the_cache_only(
     folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def refuse(self: Path, **arguments: Any) -> None:
-        raise OSError(errno.EROFS, "Read-only file system")
-
-    monkeypatch.setattr(Path, "mkdir", refuse)
+    monkeypatch.setattr(Path, "mkdir", raising(OSError(errno.EROFS, "Read-only file system")))
     assert cache_folder.find_folder() is None
     assert cache_folder.find_folder() is None
     (told,) = warnings_of(caplog)
@@ -132,9 +126,8 @@ def test_folders_of_ours_can_be_written_by_nobody_else_whatever_the_umask(homes:
         folder = cache_folder.find_folder()
     finally:
         os.umask(before)
-    assert folder == homes[0] / "flexarm"
+    assert folder == homes[0] / "flexarm" == cache_folder.find_folder()
     assert [place.stat().st_mode & 0o777 for place in (folder, homes[0])] == [0o755, 0o755]
-    assert cache_folder.find_folder() == folder
 
 
 @pytest.mark.parametrize("why", ["a file", "mode"])
@@ -152,9 +145,7 @@ def test_a_home_that_cannot_serve_falls_back(
         assert folder is not None
         assert folder.parent == temporary
     (line,) = warnings_of(caplog)
-    assert str(home) in line
-    assert str(folder) in line
-    assert ("chmod go-w" in line) == (why == "mode")
+    assert [text in line for text in (str(home), str(folder), "chmod go-w")] == [True, True, why == "mode"]
 
 
 def test_where_no_folder_can_serve_nothing_is_kept(
@@ -169,20 +160,14 @@ def test_where_no_folder_can_serve_nothing_is_kept(
         planted.rename(temporary / f"flexarm-{os.getuid()}")
     assert cache_folder.find_folder() is None
     (told,) = warnings_of(caplog)
-    assert told.startswith("kernels are compiled at every start")
-    assert "another user" in told
-    assert "FLEXARM_CACHE_DIR" in told
+    assert re.match("kernels are compiled at every start.*another user.*FLEXARM_CACHE_DIR", told)
 
 
 def test_what_nobody_uses_is_removed_some_day(folder: Path) -> None:
     (folder / "__pycache__").mkdir(parents=True)
     stamp = "flexarm_torque_2_1_59cdc9bff2954fe4"
-    unused = [
-        f"{stamp}.py",
-        f"__pycache__/{stamp}.step_only-2091.py311.nbi",
-        f"{stamp}.step_only.00.nbc",
-        f"{stamp}.lock",
-    ]
+    endings = ".py", ".step_only.00.nbc", ".lock"
+    unused = [f"__pycache__/{stamp}.step_only-2091.py311.nbi", *(f"{stamp}{ending}" for ending in endings)]
     others = ["flexarm_notes.txt", "tmp_mine.tmp"]
     used, unfinished = f"{stamp}.step_only.01.nbc", f"{stamp}.step_only.02.nbc.12345678.tmp"
     for days, names in ((91, [*unused, *others]), (89, [used]), (2, [unfinished])):
@@ -191,7 +176,4 @@ def test_what_nobody_uses_is_removed_some_day(folder: Path) -> None:
             os.utime(folder / name, (time.time(), time.time() - days * 86400.0))
     cache_folder.remove_unused_files(folder)
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {used, *others}
-
-
-def test_a_folder_that_cannot_be_listed_is_left_alone(folder: Path) -> None:
-    cache_folder.remove_unused_files(folder)
+    cache_folder.remove_unused_files(folder / "that cannot be listed")

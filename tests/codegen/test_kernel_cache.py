@@ -22,7 +22,7 @@ import pytest
 
 from flexarm_env.codegen import cache, cache_folder
 from flexarm_env.envs.single import FlexArmEnv
-from tests.codegen.conftest import Trap, give_away, warnings_of, widen
+from tests.codegen.conftest import Trap, give_away, raising, warnings_of, widen
 from tests.support.refusals import refuses
 
 NAME = "flexarm_tiny_1_1_0123456789abcdef"
@@ -88,8 +88,8 @@ def test_functions_of_a_file_are_kept_until_the_file_is_edited(
         return names["after_next"](1.0), sum(names["after_next"].stats.cache_hits.values())
 
     assert after_next(FILE) == (3.0, 0)
-    assert len(warnings_of(caplog)) == 1
-    assert warnings_of(caplog)[0].endswith(": tiny functions")
+    (line,) = warnings_of(caplog)
+    assert line.endswith(": tiny functions")
     assert after_next(FILE) == (3.0, 1)
     assert after_next(FILE.replace("x + 1.0", "x + 2.0")) == (5.0, 0)
     assert len(files(folder)) == 4
@@ -145,7 +145,8 @@ def test_what_others_could_have_written_is_not_run_though_the_folder_is_safe(
     run(kernel)
     (file,) = files(folder)
     payload = pickle.dumps(Trap(tmp_path / "mark"))
-    file.write_bytes(hashlib.sha256(payload).digest() + payload)
+    trap = hashlib.sha256(payload).digest() + payload
+    file.write_bytes(trap)
     change(file)
     assert not cache.is_kept(kernel)
     assert not run(load())
@@ -153,7 +154,7 @@ def test_what_others_could_have_written_is_not_run_though_the_folder_is_safe(
     if change is not link:
         assert any(str(file) in line for line in warnings_of(caplog))
     assert run(load())
-    file.write_bytes(hashlib.sha256(payload).digest() + payload)
+    file.write_bytes(trap)
     assert not run(load())
     assert (tmp_path / "mark").exists()  # the trap works
 
@@ -183,17 +184,14 @@ def test_without_a_folder_kernels_live_in_memory(
     kernels = [load(), load()]
     assert not any(map(run, kernels))
     assert not cache.is_kept(kernels[0])
-    assert len(warnings_of(caplog)) == 2
-    assert all(re.fullmatch(r"compiled in \d+\.\d s: a tiny kernel", line) for line in warnings_of(caplog))
+    found = [re.fullmatch(r"compiled in \d+\.\d s: a tiny kernel", line) for line in warnings_of(caplog)]
+    assert [bool(one) for one in found] == [True, True]
 
 
 def test_a_full_disk_costs_the_cache_only(
     folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def full(old: Path, new: Path) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(cache_folder.os, "replace", full)
+    monkeypatch.setattr(cache_folder.os, "replace", raising(OSError(errno.ENOSPC, "No space left on device")))
     kernel = load()
     assert not run(kernel)
     assert not cache.is_kept(kernel)
@@ -207,10 +205,7 @@ def test_a_full_disk_costs_the_cache_only(
 def test_a_lock_that_cannot_be_had_costs_the_lock_only(
     folder: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    def refuse(self: Any, **arguments: Any) -> None:
-        raise error
-
-    monkeypatch.setattr(filelock.FileLock, "acquire", refuse)
+    monkeypatch.setattr(filelock.FileLock, "acquire", raising(error))
     assert not run(load())
     assert run(load())
 
@@ -224,8 +219,7 @@ def test_a_process_that_holds_the_lock_and_is_killed_or_stopped_blocks_nobody_fo
     command = [sys.executable, "-c", hold, str(folder / f"{NAME}.lock")]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as holder:
         try:
-            assert holder.stdout is not None
-            holder.stdout.readline()
+            holder.stdout.readline()  # type: ignore[union-attr]
             holder.send_signal(sent)
             if sent == signal.SIGKILL:
                 holder.wait()
