@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
+from flexarm_env import ArmParameters, SquareParameters, square
 from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import PAPER, Array, bare, block
 
@@ -72,9 +72,8 @@ def test_info_and_tips() -> None:
     env = paper(arm="default")
     _, infos = recorded(env)
     q = np.array([info["state"][: env.arm.size] for info in infos])
-    arm = FlexibleArm(env.arm.parameters)
-    np.testing.assert_allclose([info["true_tip"] for info in infos], arm.tip(q), atol=1e-13)
-    np.testing.assert_allclose([info["rigid_tip"] for info in infos], arm.rigid_tip(q), atol=1e-13)
+    np.testing.assert_allclose([info["true_tip"] for info in infos], env.arm.tip(q), atol=1e-13)
+    np.testing.assert_allclose([info["rigid_tip"] for info in infos], env.arm.rigid_tip(q), atol=1e-13)
     np.testing.assert_allclose([info["time"] for info in infos], 1e-3 * np.arange(STEPS + 1), rtol=1e-12)
     references = square(SquareParameters()).position([info["time"] for info in infos])
     np.testing.assert_allclose([info["reference"] for info in infos], references, atol=1e-14)
