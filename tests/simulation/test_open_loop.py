@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import simpson, solve_ivp
 
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
-from tests.physics.test_dynamics import rigid_two_link
+from tests.physics.test_dynamics import rigid_velocity_forces
 from tests.support.lagrange import loaded_arm, random_state
 
 FREE = {"damping_ratio": 0.0, "joint_friction": (0.0, 0.0)}
@@ -96,6 +96,16 @@ def test_substeps_are_steps() -> None:
     np.testing.assert_array_equal(outer.state, inner.state[::5])
 
 
+def rigid_mass(p: ArmParameters, theta2: float) -> np.ndarray:
+    """Mass matrix of the textbook's rigid two-link arm (e.g. Spong, Hutchinson & Vidyasagar). Shape (2, 2)."""
+    (l1, l2), (m1, m2) = p.link_lengths, np.multiply(p.link_lengths, p.masses_per_length)
+    inertia2 = (m2 / 3.0 + p.payload_mass) * l2**2 + p.payload_inertia + p.elbow_hub_inertia  # about the elbow
+    inertia1 = (m1 / 3.0 + p.elbow_mass) * l1**2 + p.shoulder_hub_inertia
+    coupling = (m2 / 2.0 + p.payload_mass) * l1 * l2 * np.cos(theta2)
+    total = inertia1 + (m2 + p.payload_mass) * l1**2 + inertia2 + 2.0 * coupling
+    return np.array([[total, inertia2 + coupling], [inertia2 + coupling, inertia2]])
+
+
 def test_stiff_links_move_like_the_rigid_arm() -> None:
     """Deflections, and with them all differences from the rigid arm, go like 1 / EI."""
     duration, steps = 2.0, 40
@@ -109,8 +119,8 @@ def test_stiff_links_move_like_the_rigid_arm() -> None:
         return loaded_arm(1, flexural_rigidities=(rigidity, rigidity), joint_friction=(0.0, 0.0), damping_ratio=0.05)
 
     def rigid_rate(time: float, state: np.ndarray) -> np.ndarray:
-        mass, forces = rigid_two_link(parameters(1.0), state[1], state[2:])
-        return np.concatenate([state[2:], np.linalg.solve(mass, torque(time) - forces)])
+        acting = torque(time) - rigid_velocity_forces(parameters(1.0), state[1], state[2:])
+        return np.concatenate([state[2:], np.linalg.solve(rigid_mass(parameters(1.0), state[1]), acting)])
 
     start = np.array([0.3, 0.8, 0.0, 0.0])
     times = np.linspace(0.0, duration, steps + 1)
