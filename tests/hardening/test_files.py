@@ -163,10 +163,9 @@ def _replaced(content: bytes, number: int, value: Any) -> bytes:
     waiting = [whole]
     while waiting:
         one = waiting.pop()
-        if isinstance(one, dict | list):
-            for key in one if isinstance(one, dict) else range(len(one)):
-                places.append((one, key))
-                waiting.append(one[key])
+        keys = one if isinstance(one, dict) else range(len(one)) if isinstance(one, list) else ()
+        places += [(one, key) for key in keys]
+        waiting += [one[key] for key in keys]
     holder, key = places[number % len(places)]
     holder[key] = value
     return json.dumps(whole).encode()
@@ -234,10 +233,12 @@ def test_a_changed_figure_of_a_cell_is_refused(place: bytes) -> None:
 
 
 def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
-    if isinstance(one, dict) and isinstance(other, dict):
+    if isinstance(one, dict):
         return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
-    if isinstance(one, list | tuple) and type(one) is type(other):
+    if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(_same, one, other))
-    return type(one) is type(other) and bool(one == other)
+    return bool(one == other)

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import psutil
 import pytest
 
+from flexarm_agents import PPOConfig
 from flexarm_agents.policies.load import load_policy
-from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_env import Trajectory
 from tests.hardening.strategies import amount
 from tests.support.programs import ROOT
@@ -65,9 +66,6 @@ def _check_training(folder: Path) -> int:
         if path.exists():
             load_policy(path)
     if run.checkpoint.exists():
-        from flexarm_agents import PPOConfig
-        from flexarm_agents.training.run_folder import read_checkpoint
-
         read_checkpoint(run.checkpoint, run.read_config(PPOConfig))
     evaluations = run.evaluations.with_suffix(".json")
     return len(json.loads(evaluations.read_text())) if evaluations.exists() else 0
@@ -171,9 +169,17 @@ def _finished(task: Task, folder: Path) -> Any:
 
 def _run(task: Task, folder: Path, longest: float, alone: bool = False) -> str | None:
     """Run a task; return what it printed, or None if it took longer [s] and was killed, alone or with its workers."""
-    with _begin(task, folder) as process:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | ({"FLEXARM_CACHE_DIR": str(folder)} if task.cache else {})
+    own: dict[str, Any] = {
+        "cwd": ROOT,
+        "env": environment,
+        "text": True,
+        "start_new_session": True,
+    }  # a group of its own
+    command = [sys.executable, *task.command(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, **own) as process:
         try:
-            printed = process.communicate(timeout=longest)[0]
+            printed: str = process.communicate(timeout=longest)[0]
         except subprocess.TimeoutExpired:
             if alone:
                 process.kill()
@@ -191,11 +197,6 @@ def _run(task: Task, folder: Path, longest: float, alone: bool = False) -> str |
 
 
 def _check_all_gone(group: int) -> None:
-    """Wait until no process of a group runs.
-
-    Raises:
-        AssertionError: if one goes on.
-    """
     until = time.monotonic() + LINGER
     while members := [one.pid for one in psutil.process_iter(["status"]) if _runs_in(group, one)]:
         assert time.monotonic() < until, f"processes {members} go on without their parent"
@@ -208,20 +209,3 @@ def _runs_in(group: int, process: psutil.Process) -> bool:
         return os.getpgid(process.pid) == group and process.info["status"] != psutil.STATUS_ZOMBIE
     except ProcessLookupError:  # it has just ended
         return False
-
-
-def _begin(task: Task, folder: Path) -> subprocess.Popen[str]:
-    """Begin a task, with its workers in a group of processes of its own."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    if task.cache:
-        environment["FLEXARM_CACHE_DIR"] = str(folder)
-    command = [sys.executable, *task.command(folder)]
-    return subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )

@@ -7,21 +7,8 @@ import pytest
 
 from flexarm_env.envs.batch import block_lanes
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import (
-    CASES,
-    FORESHORTENED,
-    GAIN,
-    PAPER,
-    RANDOM,
-    REACH,
-    RESIDUAL,
-    SQUARE,
-    actions_for,
-    bare,
-    random_options,
-    same_as_alone,
-    vector,
-)
+from tests.support import envs
+from tests.support.envs import FORESHORTENED, GAIN, PAPER, REACH, RESIDUAL, SQUARE, same_as_alone, vector
 from tests.support.plain import KERNELS
 
 # Equally late readings without anything random, which a block takes from its delay line together (`sensor`).
@@ -42,11 +29,11 @@ ALIKE_OF_OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (GAIN, {"feedback_source": "sensor", "compensation": "per_joint"}),
     (GAIN, {"lap_time": 8.0}),
 ]
-FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
+FURTHER_SENSORS: dict[str, Any] = next(options for _, options in envs.CASES if "imu_link" in options)
 CARRYING: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1}, "start": "corner"}
 CARRYING |= {"randomisation": {"payload_mass": (0.2, 1.5)}, "payload_changes": ((0.03 / 16, None), (0.06 / 16, 0.1))}
 OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
-    (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
+    (SQUARE, FURTHER_SENSORS | envs.RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
     (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
     (GAIN, FURTHER_SENSORS | {"noise": 0.01, "feedback_source": "sensor", "delay": 0.002, "gain_limit": 0.1}),
     (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
@@ -63,17 +50,15 @@ def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) 
     same_as_alone(env_id, count, options, 60)
 
 
-@pytest.mark.parametrize(("env_id", "options"), ALIKE_OF_OTHER_KERNELS, ids=str)
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_lanes_that_are_alike_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
-    same_as_alone(env_id, 8, options, 10 if kernels == "plain" else 60)
+OTHERS = [(8, case) for case in ALIKE_OF_OTHER_KERNELS] + [(3, case) for case in OTHER_KERNELS]
 
 
-@pytest.mark.parametrize(("env_id", "options"), OTHER_KERNELS, ids=str)
+@pytest.mark.parametrize(("count", "case"), OTHERS, ids=str)
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_lanes_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
-    steps = 7 if "payload_changes" in options else 3  # both changes
-    same_as_alone(env_id, 3, options, steps if kernels == "plain" else 60)
+def test_lanes_of_other_kernels(kernels: str, count: int, case: tuple[str, dict[str, Any]]) -> None:
+    env_id, options = case
+    steps = 10 if count == 8 else 7 if "payload_changes" in options else 3  # both changes
+    same_as_alone(env_id, count, options, steps if kernels == "plain" else 60)
 
 
 # Each program, and each width of a block, is a kernel of its own.
@@ -86,7 +71,7 @@ WIDE = [
 def test_lanes_of_blocks_of_any_width(env_id: str, count: int) -> None:
     """In blocks of 8, the last of them nearly empty, or in three large ones; with all that is random."""
     assert [block_lanes(many, 1) for many in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 8, 344]
-    options = random_options(env_id) | {"error_limit": 0.6}
+    options = envs.random_options(env_id) | {"error_limit": 0.6}
     same_as_alone(env_id, count, options, 80, chosen=[*range(0, count, count // 10), 7, 8, count - 1])
 
 
@@ -94,15 +79,14 @@ def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
     batch = vector(SQUARE, 11)
     batch.reset(seed=0)
     simulator = batch.simulator
-    for actions in actions_for(batch, 300):
+    for actions in envs.actions_for(batch, 300):
         batch.step(actions)
-    first, count = simulator._rows["SENSOR_DELAY"]
-    delays = simulator._arenas[:, first : first + count]
+    delays, rates = (
+        simulator._arenas[:, first : first + count] for first, count in map(simulator._rows.get, ("SENSOR_DELAY", "V"))
+    )
     np.testing.assert_array_equal(delays, np.broadcast_to(delays[:1, :, :1], delays.shape))
-    first, count = simulator._rows["V"]
-    idle = simulator._arenas[1, first : first + count, 3:]
-    assert idle.size > 0
-    assert not idle.any()
+    assert rates[1, :, 3:].size > 0
+    assert not rates[1, :, 3:].any()
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 16])
@@ -110,7 +94,7 @@ def test_observations_of_any_length(count: int) -> None:
     """Eight numbers of eight lanes are written at once: fewer, just as many, and some more."""
     blocks = ["inner_gain"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
     options = {"observation": blocks, **({"last_actions": count // 2} if count > 1 else {})}
-    assert bare(**options).observation_space.shape == (count,)
+    assert envs.bare(**options).observation_space.shape == (count,)
     same_as_alone(SQUARE, 8, options, 40)
 
 
@@ -130,15 +114,9 @@ def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        {"noise": 0.05},
-        {"encoder_noise": (0.05, 0.0)},
-        {"encoder_noise": (0.0, 0.05)},
-        {"jitter": 0.02},
-        {"dropout": 0.5},
-        {"sensor_period": 0.03},
-        {"actuation_delay": 0.013},
-        {"randomisation": {"noise": (0.05, 0.1)}},
-        {"randomisation": {"actuation_delay": (0.01, 0.02)}},
+        *({"noise": 0.05}, {"encoder_noise": (0.05, 0.0)}, {"encoder_noise": (0.0, 0.05)}, {"jitter": 0.02}),
+        *({"dropout": 0.5}, {"sensor_period": 0.03}, {"actuation_delay": 0.013}),
+        *({"randomisation": {"noise": (0.05, 0.1)}}, {"randomisation": {"actuation_delay": (0.01, 0.02)}}),
     ],
     ids=str,
 )
@@ -151,7 +129,7 @@ def test_each_disturbance_acts_by_itself(count: int, options: dict[str, Any]) ->
     disturbed.reset(seed=0)
     exact.reset(seed=0)
     farthest = np.zeros(count)
-    for actions in actions_for(exact, 12):
+    for actions in envs.actions_for(exact, 12):
         found, expected = (env.step(actions)[0] * env.observation_scale for env in (disturbed, exact))
         farthest = np.maximum(farthest, np.abs(found - expected).max(axis=1))
     assert (farthest > 1e-4).all()

@@ -46,10 +46,6 @@ def ulp_errors(x: np.ndarray) -> np.ndarray:
     return errors
 
 
-def random_angles(bound: float) -> np.ndarray:
-    return np.random.default_rng(0).uniform(-bound, bound, 2000)
-
-
 def angles_near_quarters() -> np.ndarray:
     """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
     quarters = np.arange(1, 63662) * (np.pi / 2)
@@ -57,11 +53,9 @@ def angles_near_quarters() -> np.ndarray:
     return np.concatenate([quarters[:500], quarters[closest[:1500]]])
 
 
+RANDOM = np.random.default_rng(0).uniform(-1.0, 1.0, 2000)
 ANGLES = {
-    "a quarter": random_angles(0.8),
-    "a turn": random_angles(4.0),
-    "turns": random_angles(100.0),
-    "many turns": random_angles(1e5),
+    **{f"up to {bound:g}": RANDOM * bound for bound in (0.8, 4.0, 100.0, 1e5)},
     "next to multiples of pi/2": angles_near_quarters(),
     "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
     "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
@@ -88,11 +82,8 @@ def test_a_compiled_sine_is_its_recording_to_the_last_bit(name: str) -> None:
             assert found.tobytes() == expected.tobytes()  # 0 and -0 are not the same
 
 
-def test_sine_and_cosine_of_zero_are_exact() -> None:
+def test_sine_and_cosine_of_zero_are_exact_and_what_is_not_finite_is_passed_on() -> None:
     assert sincos(0.0) == (0.0, 1.0)
-
-
-def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
     with np.errstate(invalid="ignore"):
         results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
     assert np.all(np.isnan(results[:, :3]))

@@ -13,37 +13,16 @@ from flexarm_env.laps import LAPS
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE
-from tests.validation import laws
+from tests.validation import laps, laws
 from tests.validation.arms import Modal
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.laps import (
-    AGENTS,
-    AGGRESSIVELY,
-    ARMS,
-    CHAIN,
-    COARSE,
-    DEFAULT,
-    FORMER,
-    GENTLY,
-    MODELS,
-    PERIODS,
-    STUDENT,
-    Away,
-    Lap,
-    away,
-    controller,
-    from_chain,
-    lap_of,
-    on_corner,
-    over_time,
-    run_lap,
-)
+from tests.validation.laps import CHAIN, DEFAULT, GENTLY, Away, Lap, away, from_chain, lap_of
 from tests.validation.motion import HELD
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
 
-CONTROLLERS = (*AGENTS, GENTLY, AGGRESSIVELY)
+CONTROLLERS = (*laps.AGENTS, GENTLY, laps.AGGRESSIVELY)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}
 DAMPED_ELEMENTS = (5, 10, 20)
@@ -52,7 +31,7 @@ DAMPED_ELEMENTS = (5, 10, 20)
 test_checks = checked(
     Check(
         "the plain lap under gentle feedback: the coarser chain from the finer one, r.m.s.",
-        lambda: from_chain("plain", GENTLY, COARSE).rms,
+        lambda: from_chain("plain", GENTLY, laps.COARSE).rms,
         "a choice: a tenth of the 10 mm that the validity range allows a model",
         "mm",
         most=1.0,
@@ -66,7 +45,7 @@ test_checks = checked(
     ),
     Check(
         "the same, linear arm over default arm",
-        lambda: from_chain("plain", GENTLY, FORMER).rms / from_chain("plain", GENTLY, DEFAULT).rms,
+        lambda: from_chain("plain", GENTLY, laps.FORMER).rms / from_chain("plain", GENTLY, DEFAULT).rms,
         "a choice: the default arm must have at most a quarter of the error",
         least=4.0,
     ),
@@ -82,32 +61,32 @@ test_checks = checked(
 
 def half_a_second_ahead(lap: str, name: str, model: str) -> float:
     """Return how far a model's tip is off half a second after it was set on the chain's state, median [mm]."""
-    chain, arm = lap_of(lap, name, CHAIN), FlexibleArm(MODELS[model])
-    states = chain.states[list(MODELS).index(model)]
-    periods, found = round(AHEAD / (HELD * PERIODS)), []
-    for first in range(0, len(chain.torque) - periods + 1, round(EVERY / (HELD * PERIODS))):
+    chain, arm = lap_of(lap, name, CHAIN), FlexibleArm(laps.MODELS[model])
+    states = chain.states[list(laps.MODELS).index(model)]
+    periods, found = round(AHEAD / (HELD * laps.PERIODS)), []
+    for first in range(0, len(chain.torque) - periods + 1, round(EVERY / (HELD * laps.PERIODS))):
         plant = Modal(arm)
         plant.state = states[first]
-        tip = plant.follow(np.repeat(chain.torque[first : first + periods], PERIODS, axis=0))[-1]
-        found.append(np.linalg.norm(tip - chain.tip[(first + periods) * PERIODS]))
+        tip = plant.follow(np.repeat(chain.torque[first : first + periods], laps.PERIODS, axis=0))[-1]
+        found.append(np.linalg.norm(tip - chain.tip[(first + periods) * laps.PERIODS]))
     return 1e3 * float(np.median(found))
 
 
 def test_table_of_laps(page: Page) -> None:
-    others, rows = [COARSE, *(plant for plant in ARMS if plant != DEFAULT)], []
+    others, rows = [laps.COARSE, *(plant for plant in laps.ARMS if plant != DEFAULT)], []
     for lap in LAPS:
         for name in CONTROLLERS:
-            laps = {plant: lap_of(lap, name, plant) for plant in (*ARMS, COARSE, CHAIN)}
-            apart = {plant: from_chain(lap, name, plant) for plant in laps}
-            own, chain = laps[DEFAULT], laps[CHAIN]
+            driven = {plant: lap_of(lap, name, plant) for plant in (*laps.ARMS, laps.COARSE, CHAIN)}
+            apart = {plant: from_chain(lap, name, plant) for plant in driven}
+            own, chain = driven[DEFAULT], driven[CHAIN]
             scores = f"{own.score:.1f}, {chain.score:.1f}"
             changes = f"{own.torque_change:.3g}, {chain.torque_change:.3g}"
             rows.append([lap, name, *(f"{apart[plant].rms:.3g}" for plant in (DEFAULT, *others)), scores, changes])
-            for plant, found in laps.items():
+            for plant, found in driven.items():
                 which = f"{lap}, {name}, {plant}"
                 figures = {"score": found.score, "score_after_2s": found.score_after_2s}
                 figures |= {} if plant == CHAIN else apart[plant]._asdict()
-                figures |= {"ahead median": half_a_second_ahead(lap, name, plant)} if plant in MODELS else {}
+                figures |= {"ahead median": half_a_second_ahead(lap, name, plant)} if plant in laps.MODELS else {}
                 page.quote({f"{which}, {what}": x for what, x in figures.items()})
                 page.quote({f"{which}, torque change": found.torque_change})
     first, last = "default arm: from the chain, r.m.s. [mm]", "score on the default arm, on the chain [mm]"
@@ -115,22 +94,22 @@ def test_table_of_laps(page: Page) -> None:
 
 
 def test_picture(page: Page) -> None:
-    looks = zip(ARMS, ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm"), strict=True)
+    looks = zip(laps.ARMS, ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm"), strict=True)
     colours = (GREEN, BLUE, COLOURS[5], ORANGE)
     lines = {}
     for (plant, text), colour in zip(looks, colours, strict=True):
         for lap in LAPS:
-            tips = (lap_of(lap, GENTLY, one).tip[::PERIODS] for one in (plant, CHAIN))
+            tips = (lap_of(lap, GENTLY, one).tip[:: laps.PERIODS] for one in (plant, CHAIN))
             lines[lap, (text, colour)] = np.linalg.norm(np.subtract(*tips), axis=1)
     title = "Distance of each model's tip from the MuJoCo chain's along the best plans"
-    page.picture(over_time(lines, title), "plant_distance")
+    page.picture(laps.over_time(lines, title), "plant_distance")
 
 
 @cache
 def under_the_laws() -> dict[str, dict[str, Away]]:
     """Run the paper's laws on undamped arms; the distance is from the extrapolated chain."""
     fine, truth = laws.on_chains()
-    tips = {name: laws.on_model(replace(arm, damping_ratio=0.0)) for name, arm in ARMS.items()} | {CHAIN: fine}
+    tips = {name: laws.on_model(replace(arm, damping_ratio=0.0)) for name, arm in laps.ARMS.items()} | {CHAIN: fine}
     return {name: {law: away(found[law], truth[law]) for law in laws.LAWS} for name, found in tips.items()}
 
 
@@ -143,7 +122,7 @@ def test_figures_under_the_laws(page: Page) -> None:
 @kept
 def damped(damping: str, elements: int) -> Lap:
     """Run a student on a chain with one kind of damping."""
-    return run_lap(controller("swing", STUDENT), on_corner(DAMPED[damping], "swing", elements))
+    return laps.run_lap(laps.controller("swing", laps.STUDENT), laps.on_corner(DAMPED[damping], "swing", elements))
 
 
 def test_table_of_damping(page: Page) -> None:

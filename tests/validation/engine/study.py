@@ -12,20 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm
+from tests.validation import motion as motions
 from tests.validation.arms import chain_motion
 from tests.validation.kept import kept
-from tests.validation.motion import (
-    MODELS,
-    PROGRAMMES,
-    Array,
-    Model,
-    Motion,
-    Programme,
-    extrapolated,
-    low_passed,
-    model_motion,
-    rms,
-)
+from tests.validation.motion import MODELS, PROGRAMMES, Array, Model, Motion, Programme, rms
 
 SMALLEST = 0.125
 AMPLITUDES = (SMALLEST, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -65,7 +55,7 @@ class Case(NamedTuple):
     def angles(self, model: Model) -> float:
         """Return the r.m.s. error of a model's low-passed joint angles [rad]."""
         error = self.errors[model]
-        return np.inf if error is None else rms(np.linalg.norm(low_passed(error.joints), axis=1))
+        return np.inf if error is None else rms(np.linalg.norm(motions.low_passed(error.joints), axis=1))
 
     def chain_error(self, elements: int) -> Array:
         """Return the distance of a chain's tip from the reference [m]. Shape (n,)."""
@@ -74,20 +64,20 @@ class Case(NamedTuple):
     def between_the_finest(self, smooth: bool) -> float:
         """Return the largest difference of the two finest chains' joint angles, low-passed or as they are [rad]."""
         angles = [chain.joints for chain in list(self.chains.values())[-2:]]
-        coarse, fine = map(low_passed, angles) if smooth else angles
+        coarse, fine = map(motions.low_passed, angles) if smooth else angles
         return float(np.abs(fine - coarse).max())
 
 
 def compared(programme: Programme, elements: Sequence[int], models: Sequence[Model]) -> Case:
     """Run a programme on models and chains; each chain has twice the elements of the one before."""
     chains = {n: chain_motion(programme, n) for n in elements}
-    reference = extrapolated(*list(chains.values())[-2:])
+    reference = motions.extrapolated(*list(chains.values())[-2:])
     return Case(reference, chains, {model: _error(programme, model, reference) for model in models})
 
 
 def _error(programme: Programme, model: Model, reference: Motion) -> Motion | None:
     try:
-        motion = model_motion(programme, model)
+        motion = motions.model_motion(programme, model)
     except DivergenceError:
         return None
     return Motion(*(ours - theirs for ours, theirs in zip(motion, reference, strict=True)))

@@ -14,22 +14,8 @@ pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from tests.validation.arms import CHAIN_ANGLE, chain_motion
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.engine import pictures
-from tests.validation.engine.study import (
-    FASTEST,
-    FINEST,
-    FIRST_CLAMPED,
-    KINDS,
-    MAPPED,
-    NAMES,
-    case,
-    critical_spin,
-    limits,
-    order,
-    parts,
-    spin_limits,
-    tried,
-)
+from tests.validation.engine import pictures, study
+from tests.validation.engine.study import FINEST, FIRST_CLAMPED, KINDS, NAMES, case, critical_spin
 from tests.validation.finite_elements import critical_spin as spin_of_elements
 from tests.validation.motion import HELD, MODEL_ANGLE, MODELS, PROGRAMMES, Model, Motion, apart, model_motion
 
@@ -81,7 +67,7 @@ test_checks = checked(
     Check("the tip under a doublet with the model's step halved", halved(_model), TENTH, "mm", most=0.1),
     Check(
         "order in amplitude of the linear model's tip error (multi-sine, 4 modes)",
-        lambda: order("multi_sine", LINEAR),
+        lambda: study.order("multi_sine", LINEAR),
         "what it leaves out, foreshortening, is of second order in the deflection",
         least=1.8,
         most=2.3,
@@ -143,15 +129,16 @@ def test_table_of_errors(page: Page) -> None:
 def test_table_of_their_order(page: Page) -> None:
     rows = []
     for m in MODELS:
-        found = {name: parts(name, m) for name in NAMES}
-        cells = ["" if p is None else f"{_mm(p[0])} + {_mm(p[1])}, {order(name, m):.1f}" for name, p in found.items()]
+        found = {name: study.parts(name, m) for name in NAMES}
+        growth = {name: f"{study.order(name, m):.1f}" for name in NAMES}
+        cells = ["" if p is None else f"{_mm(p[0])} + {_mm(p[1])}, {growth[name]}" for name, p in found.items()]
         rows.append([m.label, *cells])
     page.table("engine_parts", ["truncation + rest [mm], order", *HEADER], rows)
 
 
 def test_table_of_limits_of_deflection(page: Page) -> None:
-    found = {m.label: limits(m) for m in MODELS}
-    beyond = {kind: 100.0 * tried(kind) for kind in KINDS}
+    found = {m.label: study.limits(m) for m in MODELS}
+    beyond = {kind: 100.0 * study.tried(kind) for kind in KINDS}
     rows = []
     for label, own in found.items():
         least = [f"> {floored(beyond[what.rpartition(', ')[0]])} %" for what in own]
@@ -168,10 +155,9 @@ def floored(value: float) -> str:
 
 
 def test_table_of_limits_of_spin(page: Page) -> None:
-    found = {m.label: spin_limits(m) for m in MAPPED}
-    rows = [
-        [label, *(f"> {FASTEST:g}" if x is None else f"{x:.2g}" for x in own.values())] for label, own in found.items()
-    ]
+    found = {m.label: study.spin_limits(m) for m in study.MAPPED}
+    beyond = f"> {study.FASTEST:g}"
+    rows = [[label, *(beyond if x is None else f"{x:.2g}" for x in own.values())] for label, own in found.items()]
     page.table("engine_spins", [f"spin / {FIRST_CLAMPED:.2f} rad/s", *next(iter(found.values()))], rows)
     for label, own in found.items():
         page.quote({f"spin, {label}, {what}": x for what, x in own.items() if x is not None})
