@@ -39,10 +39,8 @@ LINE = r"compiled in \d+\.\d s, kept in .+: an arm driven by torques, one enviro
 def start(folder: Path, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[str]:
     """Run a program on the copy of the package in a folder, with a cache of its own."""
     environment = os.environ | {"PYTHONPATH": str(folder), "FLEXARM_CACHE_DIR": str(folder / "cache")}
-    command = [sys.executable, "-c", program, str(folder), *arguments]
-    return subprocess.Popen(
-        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    command, pipe = [sys.executable, "-c", program, str(folder), *arguments], subprocess.PIPE
+    return subprocess.Popen(command, cwd=folder, env=environment, stdout=pipe, stderr=pipe, text=True)
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[str, int, list[str]]:

@@ -63,11 +63,8 @@ def test_a_product_that_is_used_twice_is_rounded_by_itself(formula: Formula) -> 
     assert set(arithmetic(recorded(formula))) <= {"multiply", "add", "subtract"}
 
 
-def test_of_two_products_one_is_fused() -> None:
+def test_of_two_products_one_is_fused_and_nothing_without_fusing() -> None:
     assert arithmetic(recorded(lambda a, b, c: [a * b + b * c])) == ["multiply", "multiply_add"]
-
-
-def test_nothing_is_fused_without_fusing() -> None:
     assert arithmetic(recorded(lambda a, b, c: [a * b + c], fusing=False)) == ["multiply", "add"]
 
 

@@ -12,8 +12,10 @@ from flexarm_env.control import jacobian_transpose as package_law
 from flexarm_env.physics.modal_elimination import elimination
 from tests.support.oracle import PAPER, Array, Problem, mass_and_forces, oracle_arm, oracle_law, torque
 
+UNDELAYED = ((0.0, 0.0), (1.0, 1.0), (0.0, 0.0), (1.0, 1.0))
 
-def law_data(problem: Problem, arm: FlexibleArm, command: Array, late: tuple[Any, ...]) -> package_law.Law:
+
+def law_data(problem: Problem, arm: FlexibleArm, command: Array) -> package_law.Law:
     law, sensor = problem.law, problem.sensor
     return package_law.Law(
         gain=problem.gain,
@@ -24,12 +26,9 @@ def law_data(problem: Problem, arm: FlexibleArm, command: Array, late: tuple[Any
         sensor_values=arm.modes[1].shape(sensor.position).tolist(),
         sensor_foreshortening=(),
         noise=(0.01, -0.02),
-        command_1=[command[0, 0].real, command[0, 0].imag, command[0, 1].real, command[0, 1].imag],
-        command_2=[command[1, 0].real, command[1, 0].imag, command[1, 1].real, command[1, 1].imag],
-        offset=late[0],
-        weight=late[1],
-        rate_offset=late[2],
-        rate_weight=late[3],
+        command_1=command[0].view(float).tolist(),
+        command_2=command[1].view(float).tolist(),
+        **dict(zip(("offset", "weight", "rate_offset", "rate_weight"), UNDELAYED, strict=True)),
     )
 
 
@@ -48,11 +47,10 @@ def test_a_stage_solves_its_equation(arm: ArmParameters, model: Any, limit: tupl
         x[n:] *= 5.0
         command = 3.0 * (rng.normal(size=(2, 2)) + 1j * rng.normal(size=(2, 2)))
         internal = flexible.internal_state(x)
-        undelayed = ((0.0, 0.0), (1.0, 1.0), (0.0, 0.0), (1.0, 1.0))
         v, mechanical, law_acceleration, tau = package_law.law_stage(
             flexible.constants,
             elimination(flexible.constants),
-            law_data(problem, flexible, command, undelayed),
+            law_data(problem, flexible, command),
             (arm.velocity_forces == "complete", model, "delayed"),
             internal[:n].tolist(),
             internal[n:].tolist(),
@@ -72,14 +70,11 @@ def test_a_stage_solves_its_equation(arm: ArmParameters, model: Any, limit: tupl
     assert limit is None or at_limit > 10  # the limited case is not the free one in disguise
 
 
-NUMBER = st.floats(-5.0, 5.0)
+def numbers(low: float, high: float, count: int = 2) -> st.SearchStrategy[tuple[float, ...]]:
+    return st.tuples(*[st.floats(low, high)] * count)
 
 
-@given(
-    st.tuples(NUMBER, NUMBER, NUMBER, NUMBER),
-    st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)),
-    st.tuples(st.floats(0.1, 300.0), st.floats(0.1, 300.0)),
-)
+@given(numbers(-5.0, 5.0, 4), numbers(-1e3, 1e3), numbers(0.1, 300.0))
 def test_limited_torques_solve_the_clipped_equation(
     feedback: tuple[float, ...], wanted: tuple[float, float], limit: tuple[float, float]
 ) -> None:

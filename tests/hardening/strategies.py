@@ -78,11 +78,9 @@ def inside(allowed: Any) -> st.SearchStrategy[Any]:
     """Draw values that a declaration allows by itself, or nearly."""
     if isinstance(allowed, Optional):
         return st.none() | inside(allowed.other)
-    if isinstance(allowed, Pair):
+    if isinstance(allowed, Pair | Number):
         one = numbers(allowed.least, allowed.most)
-        return st.tuples(one, one)
-    if isinstance(allowed, Number):
-        return numbers(allowed.least, allowed.most)
+        return st.tuples(one, one) if isinstance(allowed, Pair) else one
     if isinstance(allowed, Integer):
         return st.integers(allowed.least, allowed.most)
     if isinstance(allowed, OneOf):

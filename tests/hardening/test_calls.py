@@ -71,14 +71,11 @@ def _steps(size: int) -> st.SearchStrategy[Call]:
     return (good | good | good | large | bad).map(lambda action: Call(action=action))
 
 
-def drawn() -> st.SearchStrategy[tuple[str, list[Call]]]:
-    def calls(name: str) -> st.SearchStrategy[tuple[str, list[Call]]]:
-        size = math.prod(twins(name)[0].action_space.shape or ())
-        steps = _steps(size)
-        listed = st.lists(steps | steps | steps | _resets(), min_size=CALLS, max_size=CALLS)
-        return listed.map(lambda found: (name, found))
-
-    return st.sampled_from(IDS).flatmap(calls)
+@st.composite
+def drawn(draw: st.DrawFn) -> tuple[str, list[Call]]:
+    name = draw(st.sampled_from(IDS))
+    steps = _steps(math.prod(twins(name)[0].action_space.shape or ()))
+    return name, draw(st.lists(steps | steps | steps | _resets(), min_size=CALLS, max_size=CALLS))
 
 
 @pytest.mark.compiled
@@ -93,14 +90,20 @@ def test_bad_calls_change_nothing(case: tuple[str, list[Call]]) -> None:
     for call in calls:
         try:
             found = _done(tried, call)
-        except Exception as error:
-            _check_error(error)
+        except (TypeError, ValueError, gymnasium.error.Error) as error:
+            text = str(error)
+            assert text.startswith(NAMED), text
+            assert len(text) < MOST_CHARACTERS, f"a message of {len(text)} characters"
             event("refused")
             continue
         event("reset" if call.action is None else "step")
-        _check_outcome(tried, *found)
-        _check_same(found, _done(twin, call), f"{name} and its twin differ after {shown(call)}")
-        if found[2]:
+        observation, reward, ended = found
+        assert np.isfinite(reward), reward
+        assert ended or tried.observation_space.contains(observation), observation
+        assert np.isfinite(observation).all(), observation
+        both = [(seen.tobytes(), given.hex(), over) for seen, given, over in (found, _done(twin, call))]
+        assert both[0] == both[1], f"{name} and its twin differ after {shown(call)}"
+        if ended:
             for env in (tried, twin):
                 env.reset(seed=2)
 
@@ -111,23 +114,3 @@ def _done(env: FlexArmEnv, call: Call) -> tuple[Any, float, bool]:
         return env.reset(seed=call.seed, options=call.options)[0], 0.0, False
     observation, reward, terminated, truncated, _ = env.step(call.action)
     return observation, reward, terminated or truncated
-
-
-def _check_error(error: Exception) -> None:
-    documented = (TypeError, ValueError, gymnasium.error.Error)
-    assert isinstance(error, documented), repr(error)
-    text = str(error)
-    assert text.startswith(NAMED), text
-    assert len(text) < MOST_CHARACTERS, f"a message of {len(text)} characters"
-
-
-def _check_outcome(env: FlexArmEnv, observation: Any, reward: float, ended: bool) -> None:
-    assert np.isfinite(reward), reward
-    assert ended or env.observation_space.contains(observation), observation
-    assert np.isfinite(observation).all(), observation
-
-
-def _check_same(one: tuple[Any, float, bool], other: tuple[Any, float, bool], text: str) -> None:
-    assert one[0].tobytes() == other[0].tobytes(), text
-    assert one[1].hex() == other[1].hex(), text
-    assert one[2] == other[2], text

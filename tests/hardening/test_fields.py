@@ -34,13 +34,8 @@ class Subject(NamedTuple):
 
 def _declared(kind: Any, make: Callable[..., Any] | None = None) -> Subject:
     """Return the subject of a dataclass; declarations say what its fields may be, where there are any."""
-    found = {}
-    for one in fields(kind):
-        if one.init:
-            allowed = one.metadata.get("allowed")
-            sensible = None if allowed is None else inside(allowed)
-            found[one.name] = None if sensible is None or sensible.is_empty else sensible
-    return Subject(make or kind, found)
+    found = {one.name: inside(one.metadata.get("allowed")) for one in fields(kind) if one.init}
+    return Subject(make or kind, {name: None if one.is_empty else one for name, one in found.items()})
 
 
 def _of(example: Any) -> Subject:
@@ -52,10 +47,10 @@ def _of(example: Any) -> Subject:
 def subjects() -> dict[str, Subject]:
     plan, policy = load_plan("default_plain"), load_policy("square").policy
     arm = plan.arm
-    trained = (PPOConfig, SACConfig, DAggerConfig, FOPGConfig)
-    kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, *trained)
-    others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, IFDC)
-    found = {kind.__name__: _declared(kind) for kind in (*kinds, *others)}
+    trained = PPOConfig, SACConfig, DAggerConfig, FOPGConfig
+    others = JointFeedback, Shape, RegulatorWeights, NoiseModel, IFDC
+    kinds = ArmParameters, SensorParameters, LawParameters, SquareParameters, *trained, *others
+    found = {kind.__name__: _declared(kind) for kind in kinds}
     examples = (
         plan,
         policy,
@@ -66,21 +61,14 @@ def subjects() -> dict[str, Subject]:
     return found | {type(one).__name__: _of(one) for one in examples}
 
 
-def _either(garbage: st.SearchStrategy[Any], sensible: st.SearchStrategy[Any] | None) -> st.SearchStrategy[Any]:
-    return garbage if sensible is None else st.booleans().flatmap(lambda good: sensible if good else garbage)
-
-
-def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
-    garbage = st.sampled_from(GARBAGE)
-
-    @st.composite
-    def draw_fields(draw: st.DrawFn) -> tuple[str, dict[str, Any]]:
-        name = draw(st.sampled_from(sorted(subjects())))
-        own = subjects()[name].fields
-        chosen = draw(st.lists(st.sampled_from(sorted(own)), min_size=1, max_size=3, unique=True))
-        return name, {one: draw(_either(garbage, own[one])) for one in chosen}
-
-    return draw_fields()
+@st.composite
+def drawn(draw: st.DrawFn) -> tuple[str, dict[str, Any]]:
+    name = draw(st.sampled_from(sorted(subjects())))
+    own, values = subjects()[name].fields, {}
+    for one in draw(st.lists(st.sampled_from(sorted(own)), min_size=1, max_size=3, unique=True)):
+        sensible = own[one] if draw(st.booleans()) else None
+        values[one] = draw(st.sampled_from(GARBAGE) if sensible is None else sensible)
+    return name, values
 
 
 def is_made(name: str, values: dict[str, Any]) -> bool:

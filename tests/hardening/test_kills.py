@@ -170,12 +170,7 @@ def _finished(task: Task, folder: Path) -> Any:
 def _run(task: Task, folder: Path, longest: float, alone: bool = False) -> str | None:
     """Run a task; return what it printed, or None if it took longer [s] and was killed, alone or with its workers."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | ({"FLEXARM_CACHE_DIR": str(folder)} if task.cache else {})
-    own: dict[str, Any] = {
-        "cwd": ROOT,
-        "env": environment,
-        "text": True,
-        "start_new_session": True,
-    }  # a group of its own
+    own: dict[str, Any] = {"cwd": ROOT, "env": environment, "text": True, "start_new_session": True}
     command = [sys.executable, *task.command(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, **own) as process:
         try:

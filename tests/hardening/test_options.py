@@ -29,13 +29,9 @@ def made(options: dict[str, Any]) -> FlexArmEnv | None:
     return env
 
 
-STEEP = {  # a modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where the kernels' sine is beyond all bounds
-    "kinematics": "foreshortened",
-    "mode_shapes": "polynomial",
-    "modes_per_link": 3,
-    "mode_scale": 100.0,
-    "link_lengths": (0.001, 4.5),
-}
+# A modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where the kernels' sine is beyond all bounds.
+STEEP = {"kinematics": "foreshortened", "mode_shapes": "polynomial", "modes_per_link": 3}
+STEEP |= {"mode_scale": 100.0, "link_lengths": (0.001, 4.5)}
 
 
 @cases(60, 100_000)
@@ -113,9 +109,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
 }
 for kind in (ArmParameters, SensorParameters, LawParameters, SquareParameters):
     for one in fields(kind):
-        CALLS[f"{one.metadata['name'] or one.name} of {kind.__name__}"] = lambda value, kind=kind, name=one.name: kind(
-            **{name: value}
-        )
+        made_of = lambda value, kind=kind, name=one.name: kind(**{name: value})  # noqa: E731
+        CALLS[f"{one.metadata['name'] or one.name} of {kind.__name__}"] = made_of
 CALLS |= {f"{name} of an environment": partial(SETTINGS_FIELDS[name].check, name) for name in NAMES}
 
 

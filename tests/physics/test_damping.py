@@ -1,5 +1,7 @@
 """The damping of the links: one ratio, two models, the same for arms of any shapes and for the chain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,8 +51,7 @@ def test_the_linear_arms_clamped_modes_are_damped_by_one_percent() -> None:
 def test_unit_damping_follows_its_scaling_laws(arm: ArmParameters) -> None:
     """A stiffness factor on both links scales the frequency by its root and leaves the shape alone."""
     one = unit_damping(arm)
-    stiff = ArmParameters(**{**vars(arm), "flexural_rigidities": tuple(4.0 * x for x in arm.flexural_rigidities)})
-    four = unit_damping(stiff)
+    four = unit_damping(replace(arm, flexural_rigidities=tuple(4.0 * x for x in arm.flexural_rigidities)))
     assert four.frequency == pytest.approx(2.0 * one.frequency, rel=1e-9)
     assert four.clamped_ratio == pytest.approx(one.clamped_ratio, rel=1e-9)
     assert one.material_time * one.frequency == pytest.approx(2.0, rel=1e-12)
@@ -61,16 +62,11 @@ def test_unit_damping_follows_its_scaling_laws(arm: ArmParameters) -> None:
 def test_a_drawn_arm_is_damped_as_one_made_so(model: DampingModel, change: dict[str, float]) -> None:
     """The constants that kernels work out for an episode are those of the arm with these parameters."""
     own = loaded_arm(2, damping_model=model)
-    arm = FlexibleArm(own)
     values = {"payload_mass": own.payload_mass, "stiffness": 1.0, "damping": own.damping_ratio} | change
-    drawn = arm.changes.constants(np.array([list(values.values())]))[0]
-    made = loaded_arm(
-        2,
-        damping_model=model,
-        payload_mass=values["payload_mass"],
-        damping_ratio=values["damping"],
-        flexural_rigidities=tuple(values["stiffness"] * x for x in own.flexural_rigidities),
-    )
+    drawn = FlexibleArm(own).changes.constants(np.array([list(values.values())]))[0]
+    payload, stiffness, damping = values.values()
+    rigidities = tuple(stiffness * x for x in own.flexural_rigidities)
+    made = replace(own, payload_mass=payload, damping_ratio=damping, flexural_rigidities=rigidities)
     np.testing.assert_allclose(drawn, FlexibleArm(made).constants.flat(), rtol=1e-10, atol=1e-14)
 
 

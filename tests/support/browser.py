@@ -63,12 +63,7 @@ class Browser:
 
 @contextmanager
 def chromium_at(folder: Path, profile: Path) -> Iterator[Browser]:
-    """Open a browser, or skip the test where there is none.
-
-    Args:
-        folder: of the built site.
-        profile: empty folder for the browser's own files.
-    """
+    """Open a browser on the built site, or skip the test where there is none; `profile`: empty, its own files'."""
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium comes with the extra `test`")
     program = shutil.which("chromium") or shutil.which("google-chrome")
     driver = shutil.which("chromedriver")

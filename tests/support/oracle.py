@@ -84,16 +84,10 @@ def deflected_point(x: Array, arm: Any, distance: float, phi: Array) -> tuple[co
 
 @njit(cache=True)
 def torque(x: Array, late: Array, command: Array, noise: complex, gain: float, arm: Any, law: Any) -> Array:
-    """lambda J^T (Kp e + Kd e') (10), (14).
+    """lambda J^T (Kp e + Kd e') (10), (14); `gain` is lambda, `arm` and `law`: see `oracle_arm` and `oracle_law`.
 
-    Args:
-        x: state now.
-        late: states that the two joints' readings date from. Shape (2, 2 n).
-        command: reference position and velocity in each joint's torque. Shape (2, 2), complex.
-        noise: on the sensed position.
-        gain: lambda.
-        arm: see `oracle_arm`.
-        law: see `oracle_law`.
+    `late`: states that the two joints' readings date from, Shape (2, 2 n); `command`: reference position and velocity
+    in each joint's torque, Shape (2, 2), complex; `noise`: on the sensed position.
     """
     Kp, Kd, limit, distance, phi, true, late_rates, current_jacobian = law
     n = len(x) // 2
@@ -195,9 +189,8 @@ class Problem:
 
     def command_delays(self) -> tuple[float, float]:
         shoulder, elbow = self.delays()
-        return {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}[
-            self.law.compensation
-        ]
+        by = {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}
+        return by[self.law.compensation]
 
     def start_state(self) -> Array:
         """At rest, straight links, the rigid tip on the lower left corner (law of cosines)."""

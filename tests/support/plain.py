@@ -30,12 +30,7 @@ def is_shared(variant: AnyVariant) -> bool:
 def run_plainly(
     monkeypatch: pytest.MonkeyPatch, compiled: Callable[[AnyVariant], bool] = lambda variant: False
 ) -> None:
-    """Let environments step in plain Python; what else uses kernels compiles them as ever.
-
-    Args:
-        monkeypatch: undoes it.
-        compiled: whether a variant is compiled all the same.
-    """
+    """Let environments step in plain Python unless `compiled`; what else uses kernels compiles them as ever."""
     load, compiled_entry = compiler.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
@@ -85,11 +80,7 @@ KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
 
 
 class PlainEnvironment:
-    """One environment.
-
-    Attributes:
-        simulator: the batch of one that it steps.
-    """
+    """One environment; `simulator` is the batch of one that it steps."""
 
     def __init__(self, key: int = 0, **options: Any) -> None:
         """Lay out its memory and begin an episode; `options`: as of `FlexArm/Square-v0`."""

@@ -31,13 +31,9 @@ def refused(
     by: Callable[[Any], object] = called,
     kind: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Callable[[Any, str], None]:
-    """Make a test of a table of what is refused.
+    """Make a test of a table of what is refused: calls, or what `by` is called with, each with a pattern of the text.
 
-    Args:
-        cases: calls, or what `by` is called with, each with a pattern of the error's text; "TypeError: " before the
-            pattern says that the error is of this kind.
-        by: what refuses.
-        kind: of the other errors.
+    "TypeError: " before the pattern says that the error is of this kind; others are of `kind`.
     """
 
     @pytest.mark.parametrize(("given", "message"), cases, ids=[label(message) for _, message in cases])

@@ -32,8 +32,7 @@ TINY: dict[str, Any] = {
     "episode_steps": 50,
     "options": {"noise": 0.001, "randomisation": {"payload_mass": [0.0, 0.2]}},
 }
-_ON_POLICY = {name: TINY[name] for name in ("rollout", "epochs")}
-_ALIKE = {name: value for name, value in TINY.items() if name not in _ON_POLICY}
+_ALIKE = {name: value for name, value in TINY.items() if name not in ("rollout", "epochs")}
 _OFF_POLICY = {"buffer": 400, "learning_starts": 60, "train_every": 4, "updates": 1}
 _READINGS = ("joint_angles", "joint_rates", "sensed_position", "reference_position", "reference_velocity")
 _RECURRENT = {**TINY, "algorithm": "recurrent_ppo", "lstm": 8}

@@ -1,6 +1,6 @@
 """A chain in MuJoCo (`flexarm_env.chain`) and a model of ours, moved and read in the same way."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -30,20 +30,6 @@ class Bend(NamedTuple):
     deflection_rates: Array  # their rates [m/s]. Shape (2, PLACES)
 
 
-class Plant(Protocol):
-    def advance(self, torque: Array, periods: int) -> Array:
-        """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
-
-    def look(self) -> Sight:
-        """Return the arm's present outputs."""
-
-    def bend(self) -> Bend:
-        """Its links now."""
-
-    def end(self) -> Array:
-        """Position of the tip and its velocity [m, m/s]. Shape (4,)."""
-
-
 class EngineChain(Chain):
     """The chain, undamped unless its arm is damped.
 
@@ -55,12 +41,7 @@ class EngineChain(Chain):
         """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
 
         Damping of the material makes the fastest modes too fast for that; such a chain is integrated by `implicitfast`,
-        of first order.
-
-        Args:
-            elements: bending elements a link, one less than segments.
-            arm: the arm.
-            angle: largest product of step and fastest rate.
+        of first order. `elements` bend, one less than segments; `angle`: largest product of step and fastest rate.
         """
         model = chain_model(elements + 1, arm)
         if arm.damping_ratio == 0.0 or arm.damping_model == "modal":
@@ -89,6 +70,7 @@ class EngineChain(Chain):
         self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
+        """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
         tips = np.empty((periods, 2))
         for tip in tips:
             self.step(torque, self.substeps)
@@ -110,6 +92,7 @@ class EngineChain(Chain):
         return Bend(*roots, *read)
 
     def end(self) -> Array:
+        """Position of the tip and its velocity [m, m/s]. Shape (4,)."""
         return self.point(self._end)
 
 
@@ -164,15 +147,16 @@ class Modal:
     def bend(self) -> Bend:
         m = self.arm.parameters.modes_per_link
         y, v = np.split(self.arm.internal_state(self.state), 2)
-        deflections = [
-            np.array([shape @ part for shape, part in zip(self._shapes, (x[1 : m + 1], x[m + 2 :]), strict=True)])
-            for x in (y, v)
-        ]
+        one, two = self._shapes
+        deflections = (np.array([one @ x[1 : m + 1], two @ x[m + 2 :]]) for x in (y, v))
         return Bend(y[[0, m + 1]], v[[0, m + 1]], *deflections)
 
     def end(self) -> Array:
         length = self.arm.parameters.link_lengths[1]
         return np.concatenate([self.arm.tip(self.state[: self.arm.size]), self.arm.velocity(self.state, 2, length)])
+
+
+Plant = EngineChain | Modal
 
 
 def chain_motion(programme: Programme, elements: int, angle: float = CHAIN_ANGLE) -> Motion:

@@ -27,13 +27,7 @@ ELEMENTS, STEP = 12, 2.5e-4  # of a cable; [s]
 
 
 class _Cable:
-    """One link.
-
-    Attributes:
-        nodes: from root to tip.
-        elements: likewise.
-        start: reference coordinates of the nodes: place [m] and slope. Shape (elements + 1, 4).
-    """
+    """One link; `start`: reference coordinates of its nodes, place [m] and slope. Shape (elements + 1, 4)."""
 
     def __init__(
         self, system: Any, arm: ArmParameters, link: int, pose: tuple[Array, float], n: int, axial_stiffness: float
@@ -70,20 +64,7 @@ class _Cable:
 def cable_motion(
     programme: Programme, elements: int = ELEMENTS, step: float = STEP, axial_stiffness: float = AXIAL_STIFFNESS
 ) -> Motion:
-    """Run a programme on the cables, undamped.
-
-    Args:
-        programme: the programme, without a force or a spin before its start.
-        elements: of a cable.
-        step: integration step [s]; divides `HELD`.
-        axial_stiffness: EA [N].
-
-    Returns:
-        The motion, every `HELD`.
-
-    Raises:
-        ValueError: for a programme that begins with bent or turning links, or an arm with hubs.
-    """
+    """Run a programme on the cables, undamped, with so many elements a cable; `step` [s] divides `HELD`."""
     arm, torques = programme.parameters(), programme.torques()
     hubs = (arm.shoulder_hub_inertia, arm.elbow_hub_inertia, arm.elbow_mass)
     if np.any(programme.pull) or programme.spin or any(hubs):

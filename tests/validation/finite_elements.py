@@ -101,16 +101,9 @@ def shape_motions(
     joints: Joints,
     shapes: tuple[tuple[Array, Array], tuple[Array, Array]],
 ) -> Array:
-    """Motions of the frame's nodes when links bend in given shapes only; joints turn where they are not locked.
+    """Motions of the frame's nodes when links bend in given shapes only. Shape (6 nodes, free joints + 2 m).
 
-    Args:
-        parameters: the arm.
-        theta2: elbow angle [rad].
-        joints: which are locked.
-        shapes: of each link, deflection and slope off its root tangent at evenly spaced nodes. Shape (nodes, m) each.
-
-    Returns:
-        Shape (6 nodes, free joints + 2 m).
+    Shapes are deflection and slope of each link off its root tangent at evenly spaced nodes. Shape (nodes, m) each.
     """
     p, nodes = parameters, len(shapes[0][0])
     x1, x2 = (np.linspace(0.0, length, nodes) for length in p.link_lengths)
@@ -141,14 +134,11 @@ def critical_spin(parameters: ArmParameters, elements: int = 20) -> float:
     is its moment of inertia about the shoulder: at the spin where this ceases to be positive, straight spin is stable
     no more. Nothing couples by Coriolis forces, since to first order every point moves across. Linear theory has no
     foreshortening, so that deflections raise I and soften the arm; at a turned elbow, which is no deflection, I falls.
-
-    Args:
-        parameters: the arm; lumped masses are not counted.
-        elements: cubic, of each link.
+    Lumped masses are not counted.
     """
-    length_1, length_2 = parameters.link_lengths
-    mass_1, stiffness_1 = _beam(length_1, elements, parameters.masses_per_length[0], parameters.flexural_rigidities[0])
-    mass_2, stiffness_2 = _beam(length_2, elements, parameters.masses_per_length[1], parameters.flexural_rigidities[1])
+    p, (length_1, length_2) = parameters, parameters.link_lengths
+    links = zip(p.link_lengths, p.masses_per_length, p.flexural_rigidities, strict=True)
+    (mass_1, stiffness_1), (mass_2, stiffness_2) = (_beam(length, elements, *link) for length, *link in links)
     n = 2 * elements  # of deflection and slope at all nodes but the clamped one
     x = np.linspace(0.0, length_2, elements + 1)
     still, ones = np.zeros_like(x), np.ones_like(x)

@@ -20,10 +20,7 @@ class AnyArm:
     """An arm of the studies as that of an environment (`flexarm_env.envs.hosted.Plant`); it keeps where the tip was.
 
     Encoders and the late sensor read the arm itself, strain gauges that part of its bending which the environment's own
-    shapes can express (`flexarm_env.chain.gauges`).
-
-    Attributes:
-        torque: that acted last [N m]. Shape (2,).
+    shapes can express (`flexarm_env.chain.gauges`). `torque` [N m] acted last.
     """
 
     def __init__(self, arm: Plant, settings: Settings) -> None:
@@ -61,14 +58,9 @@ class AnyArm:
     def truth(self) -> Truth:
         sight, state = self._arm.look(), self._gauges.state(self._arm.bend())
         own = self._settings.flexible_arm
-        deflections = [own.tip_deflection(half) for half in np.split(state, 2)]
-        return Truth(
-            state=state.tolist(),
-            true_tip=sight.tip.tolist(),
-            rigid_tip=rigid_tip(own.parameters.link_lengths, sight.joints).tolist(),
-            deflection=deflections[0].tolist(),
-            deflection_rate=deflections[1].tolist(),
-        )
+        rigid = rigid_tip(own.parameters.link_lengths, sight.joints)
+        deflections = (own.tip_deflection(half).tolist() for half in np.split(state, 2))
+        return Truth(state.tolist(), sight.tip.tolist(), rigid.tolist(), *deflections)
 
     def drawing(self) -> Drawing:
         return drawing_of(self._settings, self._gauges.state(self._arm.bend()))

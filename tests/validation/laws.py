@@ -6,18 +6,11 @@ import gymnasium
 import mujoco
 import numpy as np
 
+import flexarm_env
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_baselines.paper_law.flsac import REFERENCE_DEFLECTION
 from flexarm_baselines.paper_law.fuzzy import paper_system
-from flexarm_env import (
-    ArmParameters,
-    LawParameters,
-    SensorParameters,
-    SquareParameters,
-    inverse_kinematics,
-    run_batch,
-    square,
-)
+from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters, run_batch, square
 from flexarm_env.chain.law import Pair, TipLaw
 from tests.validation.arms import EngineChain
 from tests.validation.kept import kept
@@ -74,7 +67,7 @@ class _Loop:
         step, length = plant.model.opt.timestep, plant.parameters.link_lengths[0]
         times = step * np.arange(steps)
         self._reference = np.hstack([path.position(times), path.velocity(times)]).tolist()
-        plant.place(inverse_kinematics(plant.parameters, path.table[0, 1:], "positive"))
+        plant.place(flexarm_env.inverse_kinematics(plant.parameters, path.table[0, 1:], "positive"))
         self._law = TipLaw(plant, LawParameters(), (length, sensor.position))
         self._late = [delay / step for delay in sensor.joint_delays(length)]  # in steps
         self._past: list[Pair] = []

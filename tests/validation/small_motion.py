@@ -5,13 +5,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import ModeShapes
-
-Array = NDArray[np.float64]
+from tests.validation.motion import Array
 
 MODES = (1, 2, 3, 4)
 BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that a link may bend in

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from scripts.common.plotting import COLOURS, INK, SOFT, THRESHOLD, WIDTH, headline, number_ticks
@@ -15,11 +14,11 @@ from tests.validation import beams
 from tests.validation import finite_elements as fe
 from tests.validation.beams import Joints
 from tests.validation.conftest import Check, Page, checked
+from tests.validation.motion import Array
 from tests.validation.small_motion import BASES, COUNT, MODES, SHAPES, Case, frequencies, rate, with_shapes
 
 pytestmark = pytest.mark.validation
 
-Array = NDArray[np.float64]
 BARE = ArmParameters.linear(damping_ratio=0.0)
 PAYLOAD: dict[str, Any] = {"payload_mass": 0.5, "payload_inertia": 0.1}
 HUBS: dict[str, Any] = {"shoulder_hub_inertia": 0.5, "elbow_hub_inertia": 0.2, "elbow_mass": 0.5}

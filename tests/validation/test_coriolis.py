@@ -11,18 +11,16 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
 from scripts.common.plotting import COLOURS, INK, ORANGE, SOFT, WIDTH, headline
 from tests.validation.conftest import Check, Page, checked
+from tests.validation.motion import Array
 from tests.validation.small_motion import rate
 from tests.validation.test_drift import loss_bound
 
 pytestmark = pytest.mark.validation
-
-Array = NDArray[np.float64]
 
 PULSE = 0.2  # [s], each half of the doublet
 TIME = 1.0  # [s]
@@ -71,7 +69,7 @@ def pairs() -> dict[float, Pair]:
 
 
 def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
-    """Run a torque of +amplitude, then -amplitude, on the shoulder of the paper's arm at rest."""
+    """Run a torque of +amplitude, then -amplitude, on the shoulder of the paper's arm at rest, while it is sensible."""
     arm = FlexibleArm(ArmParameters.paper(velocity_forces=forces))
     state = np.zeros(2 * arm.size)
     state[1] = ELBOW
@@ -79,13 +77,10 @@ def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
     half = round(PULSE / STEP)
     torque[:half, 0], torque[half : 2 * half, 0] = amplitude, -amplitude
     try:
-        return _while_sensible(arm.simulate(state, torque, TIME, STEP, SUBSTEPS))
+        run = arm.simulate(state, torque, TIME, STEP, SUBSTEPS)
     except DivergenceError as error:
-        return _while_sensible(error.trajectory)
-
-
-def _while_sensible(run: Trajectory) -> Trajectory:
-    """Cut the run where a link's tip is off its root tangent by more than both links are long."""
+        run = error.trajectory
+    # cut where a link's tip is off its root tangent by more than both links are long
     wild = np.append(np.abs(run.tip_deflection).max(axis=1) > run.parameters.reach, True)
     shorter: dict[str, Any] = {name: array[: int(np.argmax(wild))] for name, array in run.arrays().items()}
     return replace(run, **shorter)

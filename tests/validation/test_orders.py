@@ -13,30 +13,20 @@ import gymnasium
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_env import (
-    ArmParameters,
-    FlexibleArm,
-    LawParameters,
-    ReferencePath,
-    SquareParameters,
-    inverse_kinematics,
-    rest_state,
-    square,
-)
+import flexarm_env
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SquareParameters, inverse_kinematics, square
 from flexarm_env.parameters import Kinematics
 from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline, number_ticks
 from tests.support.loops import resting_at
 from tests.validation.conftest import Check, Page, checked
+from tests.validation.motion import Array
 from tests.validation.small_motion import rate
 
 pytestmark = pytest.mark.validation
 
-Array = NDArray[np.float64]
 Torque = Callable[[float, Array], Array]
 
 TIME = 0.1  # [s]
@@ -176,9 +166,16 @@ def tracking_law(steps: Array) -> list[float]:
 
     On the default arm the law's pole is ten times as fast, and no step that is stable is long enough to show an order.
     """
-    runs = [_residual_run(h) for h in steps]
+    runs = [states_of(_residual_env(physics_step=h), ACTION, start="corner") for h in steps]
     expected = _residual_expected(runs[0][0])
     return [worst(run, expected) for run in runs]
+
+
+def states_of(env: Any, action: Array, **begin: Any) -> Array:
+    """States at control instants."""
+    states = [env.reset(seed=0, options=begin)[1]["state"]]
+    states += [env.step(action)[4]["state"] for _ in range(round(TIME / env.control_period))]
+    return np.array(states)
 
 
 def _residual_env(**options: Any) -> Any:
@@ -187,23 +184,12 @@ def _residual_env(**options: Any) -> Any:
     ).unwrapped
 
 
-def _residual_run(step: float) -> Array:
-    """States at control instants."""
-    env = _residual_env(physics_step=step)
-    states = [env.reset(seed=0, options={"start": "corner"})[1]["state"]]
-    for _ in range(round(TIME / env.control_period)):
-        states.append(env.step(ACTION)[4]["state"])
-    return np.array(states)
-
-
 def _residual_expected(start: Array) -> Array:
     """Integrate from the law's definition: aims between control instants follow cubic Hermite polynomials."""
     env = _residual_env()
     arm, path, period = env.arm, square(SquareParameters()), env.control_period
-    stiffness, resistance, limit = (
-        np.array(values)
-        for values in (env.settings.inner_stiffness, env.settings.inner_damping, env.settings.torque_limit)
-    )
+    own = env.settings
+    stiffness, resistance, limit = map(np.array, (own.inner_stiffness, own.inner_damping, own.torque_limit))
     turn = 2.0 * np.pi * np.round((start[:2] - _aim(arm, path, 0.0)[0]) / (2.0 * np.pi))
     states = [start]
     for k in range(round(TIME / period)):
@@ -220,7 +206,7 @@ def _residual_expected(start: Array) -> Array:
     return np.array(states)
 
 
-def _aim(arm: FlexibleArm, path: ReferencePath, time: float) -> tuple[Array, Array]:
+def _aim(arm: FlexibleArm, path: flexarm_env.ReferencePath, time: float) -> tuple[Array, Array]:
     """Joint angles and rates of the rigid arm on the path."""
     theta = inverse_kinematics(arm.parameters, path.position(time), "positive")
     return theta, np.asarray(np.linalg.solve(jacobian(arm, theta), path.velocity(time)))
@@ -237,7 +223,7 @@ def jacobian(arm: FlexibleArm, theta: Array) -> Array:
 def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
     """Hold the paper's arm on a corner from which it was moved away, by the law in continuous time."""
     arm = FlexibleArm(ArmParameters.paper())
-    start = rest_state(arm, CORNER)
+    start = flexarm_env.rest_state(arm, CORNER)
     start[:2] += 0.1, -0.15
     if gain == STIFF_GAIN:  # the order of interest is that on a smooth solution: 50 ms later the fast part is gone
         start = law_solution(arm, start, gain, delay, 0.5 * TIME)[-1]
@@ -248,18 +234,9 @@ def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
 def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: float) -> Array:
     """States at control instants, from the package."""
     options: dict[str, Any] = {"delay": delay} if delay else {"sensor": "collocated"}
-    env = gymnasium.make(
-        "FlexArm/Paper-v0",
-        arm=arm.parameters,
-        physics_step=step,
-        gain_limit=gain,
-        max_episode_steps=-1,
-        **resting_at(*CORNER),
-        **options,
-    ).unwrapped
-    states = [env.reset(seed=0, options={"state": start})[1]["state"]]
-    states += [env.step(np.ones(1, dtype=np.float32))[4]["state"] for _ in range(round(TIME / PERIOD))]
-    return np.array(states)
+    options |= {"physics_step": step, "gain_limit": gain, "max_episode_steps": -1} | resting_at(*CORNER)
+    env = gymnasium.make("FlexArm/Paper-v0", arm=arm.parameters, **options).unwrapped
+    return states_of(env, np.ones(1, dtype=np.float32), state=start)
 
 
 def law_solution(arm: FlexibleArm, start: Array, gain: float, delay: float, time: float) -> Array:

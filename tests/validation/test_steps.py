@@ -12,7 +12,6 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.actions import TORQUE_LIMIT
@@ -20,10 +19,10 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.step_error import HELD, SECONDS, TOLERANCE
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, number_ticks
 from tests.validation.conftest import Check, Page, checked
+from tests.validation.motion import Array
 
 pytestmark = pytest.mark.validation
 
-Array = NDArray[np.float64]
 PERIOD, SEED, EPISODES = 0.01, 20081, 200
 COUNTS = (4, 5, 7, 10, 14, 20, 28)  # steps in a period
 FINER = 4  # the solution that counts as exact has so many times the steps of the finest

@@ -45,7 +45,7 @@ def model_apart(name: str, engine: str, model: Model = BEST) -> Array:
 REQUIRED = "a choice: the 1 mm required of the models"
 
 
-def engines_furthest(cases: tuple[str, ...]) -> float:
+def furthest(cases: tuple[str, ...]) -> float:
     """Return the largest distance of the engines' tips [mm]."""
     return max(engines_apart(case).max() for case in cases)
 
@@ -58,12 +58,12 @@ def best_from_either(cases: tuple[str, ...]) -> float:
 test_checks = checked(
     Check(
         "the two engines' tips apart, smooth torques at 4 %: largest",
-        lambda: engines_furthest(SMOOTH),
+        lambda: furthest(SMOOTH),
         REQUIRED,
         "mm",
         most=1.0,
     ),
-    Check("the same at 7.5 %", lambda: engines_furthest(TWICE), REQUIRED, "mm", most=1.0),
+    Check("the same at 7.5 %", lambda: furthest(TWICE), REQUIRED, "mm", most=1.0),
     Check(
         "torques that jump, 4 %: r.m.s.",
         lambda: max(rms(engines_apart(case)) for case in JUMPS),
