@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any, NamedTuple
 
 import psutil
@@ -141,8 +142,7 @@ def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
     result = _finished(task, whole)
     takes = time.monotonic() - began
     while kills < wanted:
-        killed = tmp_path / f"killed {kills}"
-        killed.mkdir()
+        killed = Path(mkdtemp(dir=tmp_path))
         kills += _kill(task, killed, wanted - kills, rng, takes)
         assert _finished(task, killed) == result
 
