@@ -34,9 +34,8 @@ def test_the_engines_agree() -> None:
     """
     parameters = ArmParameters()
     arm = FlexibleArm(parameters)
-    chain = Chain(
-        mujoco.MjModel.from_xml_string(chain_xml(SEGMENTS, parameters, STEP).replace("</mujoco>", SENSORS)), parameters
-    )
+    xml = chain_xml(SEGMENTS, parameters, STEP).replace("</mujoco>", SENSORS)
+    chain = Chain(mujoco.MjModel.from_xml_string(xml), parameters)
     tip = chain.point_weights(2, parameters.link_lengths[1])
     start, angles = np.zeros(2 * arm.size), np.zeros(2 * SEGMENTS)
     start[1] = angles[SEGMENTS] = 0.8

@@ -89,14 +89,12 @@ def test_above_the_folder_the_owner_of_everything_is_trusted(folder: Path, monke
         cache_folder.find_folder()
 
 
-@pytest.mark.parametrize("below", ["", "cache"])
-def test_a_file_in_the_place_of_the_chosen_folder_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, below: str
-) -> None:
+def test_a_file_in_the_place_of_the_chosen_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "file" / below))
-    with pytest.raises(NotADirectoryError, match=r"FLEXARM_CACHE_DIR = .*must be a folder"):
-        cache_folder.find_folder()
+    for chosen in (tmp_path / "file", tmp_path / "file" / "cache"):
+        monkeypatch.setenv(cache_folder.VARIABLE, str(chosen))
+        with pytest.raises(NotADirectoryError, match=r"FLEXARM_CACHE_DIR = .*must be a folder"):
+            cache_folder.find_folder()
 
 
 def test_a_chosen_folder_that_cannot_be_made_costs_the_cache_only(

@@ -16,10 +16,7 @@ from flexarm_env.kernels.entries import CLOCK_ROWS, Setting
 from flexarm_env.kernels.layout import Row
 from flexarm_env.kernels.stamp import TABLES, LayoutError, layout_stamp
 
-MAKERS: dict[str, Callable[[], Any]] = {
-    "batch": lambda: BatchSimulator(Settings(), 3),
-    "environment": lambda: FlexArmEnv(),
-}
+MAKERS: dict[str, Callable[[], Any]] = {"batch": lambda: BatchSimulator(Settings(), 3), "environment": FlexArmEnv}
 
 
 def declare(patch: pytest.MonkeyPatch, table: type[Names], name: str, size: int) -> None:
@@ -30,14 +27,12 @@ def declare(patch: pytest.MonkeyPatch, table: type[Names], name: str, size: int)
 
 
 @pytest.mark.parametrize("made", MAKERS)
-@pytest.mark.parametrize(("table", "name", "size"), [(Row, "ADDED", 1), (Row, "TORQUE", 2), (Setting, "STEP", 2)])
-def test_a_pickle_of_another_layout_is_refused(
-    monkeypatch: pytest.MonkeyPatch, made: str, table: type[Names], name: str, size: int
-) -> None:
+@pytest.mark.parametrize("part", [(Row, "ADDED", 1), (Row, "TORQUE", 2), (Setting, "STEP", 2)], ids=str)
+def test_a_pickle_of_another_layout_is_refused(monkeypatch: pytest.MonkeyPatch, made: str, part: Any) -> None:
     """A part is added, moved, or larger."""
     saved = pickle.dumps(MAKERS[made]())
     pickle.loads(saved)
-    declare(monkeypatch, table, name, size)
+    declare(monkeypatch, *part)
     monkeypatch.setattr("flexarm_env.envs.kernel_inputs.in_order", lambda places, values: np.zeros(1))  # it is larger
     with pytest.raises(LayoutError, match=r"saved with the layout [0-9a-f]{16}, and .* reads the layout .* make it"):
         pickle.loads(saved)

@@ -67,6 +67,5 @@ def test_the_moment_of_a_link_under_a_force_at_its_tip() -> None:
     x = np.linspace(0.0, length, 40)
     shape, *_ = np.linalg.lstsq(arm.modes[1].shape(x), force * x**2 * (3.0 * length - x) / (6.0 * rigidity))
     q = np.concatenate([[0.3, -0.8, 0.0, 0.0], -shape])
-    np.testing.assert_allclose(
-        bending_moment(arm, np.stack([q, 2.0 * q])), [[0.0, force * length], [0.0, 2.0 * force * length]], atol=1e-9
-    )
+    found = bending_moment(arm, np.stack([q, 2.0 * q]))
+    np.testing.assert_allclose(found, [[0.0, force * length], [0.0, 2.0 * force * length]], atol=1e-9)

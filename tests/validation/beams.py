@@ -13,12 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexarm_env import ArmParameters
-
-Array = NDArray[np.float64]
+from tests.validation.motion import Array
 
 
 @dataclass(frozen=True)

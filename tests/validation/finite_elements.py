@@ -8,13 +8,11 @@ path from parameters to frequencies shares nothing with the package's equations 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh, null_space
 
 from flexarm_env import ArmParameters
 from tests.validation.beams import Joints
-
-Array = NDArray[np.float64]
+from tests.validation.motion import Array
 
 # of one element of length 1, in (v0, theta0, v1, theta1) across and (u0, u1) along it; consistent masses
 BENDING = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], dtype=float)

@@ -7,12 +7,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, headline
 from tests.validation import beams
 from tests.validation.conftest import Check, Page, checked
+from tests.validation.motion import Array
 from tests.validation.small_motion import BASES, COUNT, MODES, SHAPES, Case, frequencies, with_shapes
 
 pytestmark = pytest.mark.validation
@@ -40,7 +40,7 @@ def cases() -> dict[tuple[str, str], Case]:
     return found
 
 
-def _found(arm: FlexibleArm, pinned: int) -> NDArray[np.float64]:
+def _found(arm: FlexibleArm, pinned: int) -> Array:
     m = arm.parameters.modes_per_link
     link_2 = list(range(2 + m, 2 + 2 * m))
     return frequencies(arm, 0.0, [1, *link_2] if pinned else link_2, pinned)
@@ -56,7 +56,7 @@ def two_exact_methods() -> float:
     return max(np.abs(a / b - 1.0).max() for a, b in pairs)
 
 
-def bare(root: str, modes: int) -> list[NDArray[np.float64]]:
+def bare(root: str, modes: int) -> list[Array]:
     """Errors of the frequencies of the links without a load, in clamped-free shapes."""
     return [cases()[name, root].errors("cantilever", modes) for name in ARMS if name != "loaded link"]
 
