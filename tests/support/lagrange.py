@@ -110,9 +110,8 @@ class Lagrangian:
             self.stiffness.append(rigidity * bend.T @ (weight[:, None] * bend))
             self.modal_mass.append(rho * weight @ shapes(p, length, x) ** 2)
         self.masses = tensor(np.concatenate([*density, [p.elbow_mass, p.payload_mass]]))
-        self.inertias = tensor(
-            [p.shoulder_hub_inertia, p.elbow_housing_inertia, p.elbow_hub_inertia, p.payload_inertia]
-        )
+        elbow = p.elbow_housing_inertia, p.elbow_hub_inertia
+        self.inertias = tensor([p.shoulder_hub_inertia, *elbow, p.payload_inertia])
 
     def configuration(self, q: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Positions of all masses, Shape (points, 2), and angles of all rotary inertias."""
@@ -183,12 +182,8 @@ class Lagrangian:
         return np.linalg.solve(self.mass_matrix(q), right)
 
 
-DRY: dict[str, Any] = {
-    "coulomb_friction": (4.0, 1.5),
-    "breakaway_excess": (3.0, 0.5),
-    "stribeck_velocity": 0.4,
-    "friction_smoothing": 0.2,
-}
+DRY: dict[str, Any] = {"coulomb_friction": (4.0, 1.5), "breakaway_excess": (3.0, 0.5)}
+DRY |= {"stribeck_velocity": 0.4, "friction_smoothing": 0.2}
 
 
 def loaded_arm(modes: int, **changes: Any) -> ArmParameters:
@@ -217,20 +212,16 @@ def arms(draw: st.DrawFn) -> ArmParameters:
     def two(low: float, high: float) -> tuple[float, float]:
         return draw(st.tuples(st.floats(low, high), st.floats(low, high)))
 
-    forces, kinematics = draw(
-        st.sampled_from([("complete", "linear"), ("rigid", "linear"), ("complete", "foreshortened")])
-    )
+    kinds = [("complete", "linear"), ("rigid", "linear"), ("complete", "foreshortened")]
+    forces, kinematics = draw(st.sampled_from(kinds))
+    lumped = ["shoulder_hub_inertia", "elbow_hub_inertia", "elbow_mass", "payload_mass", "payload_inertia"]
+    lumped += ["elbow_housing_inertia"] if kinematics == "foreshortened" else []
     return ArmParameters.linear(
         link_lengths=two(1.0, 9.0),
         flexural_rigidities=two(500.0, 5000.0),
         masses_per_length=two(0.1, 1.0),
         modes_per_link=draw(st.integers(1, 4)),
-        shoulder_hub_inertia=draw(st.floats(0.0, 5.0)),
-        elbow_hub_inertia=draw(st.floats(0.0, 5.0)),
-        elbow_mass=draw(st.floats(0.0, 5.0)),
-        elbow_housing_inertia=draw(st.floats(0.0, 5.0)) if kinematics == "foreshortened" else 0.0,
-        payload_mass=draw(st.floats(0.0, 5.0)),
-        payload_inertia=draw(st.floats(0.0, 5.0)),
+        **{name: draw(st.floats(0.0, 5.0)) for name in lumped},
         damping_ratio=draw(st.floats(0.0, 1.0)),
         damping_model=draw(st.sampled_from(["modal", "material"])),
         joint_friction=two(0.0, 5.0),
