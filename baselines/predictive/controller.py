@@ -29,7 +29,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import choice, integer, mapping, number
 
-HORIZON = 0.5  # [s]
+HORIZON = 0.3  # [s]; as good on unknown arms as 0.5, where 0.2 begins to lose some (`scripts.control`, horizon)
 STEP = 2e-3  # [s]; of the model's integration
 CHANGE_WEIGHT = 0.03  # [m^2], on changes of the torques; with less it steers so hard that late motors shake the arm
 UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2, "delay": 0.02}  # standard deviations at the start [kg], [1], [s]

@@ -10,7 +10,7 @@ from flexarm_baselines.registry import CONTROLLERS
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.study import Study, command, study
-from scripts.control import estimated, filtered, repeated, robust
+from scripts.control import estimated, filtered, horizon, repeated, robust
 from scripts.control.trials import ERRORS, cell, run_laps
 
 
@@ -39,6 +39,7 @@ STUDIES: dict[str, Study] = {
     **robust.STUDIES,
     **repeated.STUDIES,
     **filtered.STUDIES,
+    **horizon.STUDIES,
 }
 
 

@@ -12,7 +12,7 @@ from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
 from scripts.common.markdown import table
 from scripts.common.study import Trial, study
-from scripts.control.robust import run_unknown
+from scripts.control.robust import LOSSES, losses, run_unknown
 
 EPISODES = 128
 TUBES = {"the backup alone": 0.0, **{f"{x:g}": x for x in (0.3, 0.4, 0.5, 0.6)}, "the network alone": np.inf}
@@ -56,11 +56,8 @@ def safety_filter_table(results: Any) -> str:
     """Tabulate losses, errors, and how often the filter acts."""
     lines = []
     for name, result in results.items():
-        errors = np.array([np.inf if pair is None else 1e3 * pair[0] for pair in result["unknown"]])
-        values = np.quantile(errors, [0.5, 0.9], method="higher")
-        shown = (f"{x:.0f}" if np.isfinite(x) else "lost" for x in values)
-        lines.append([name, f"{np.sum(~np.isfinite(errors))} of {len(errors)}", *shown, f"{result['acts']:.0%}"])
-    return table(["tube", "lost", "median [mm]", "90th percentile [mm]", "periods in which it acts"], lines)
+        lines.append([name, *losses(result["unknown"]), f"{result['acts']:.0%}"])
+    return table(["tube", *LOSSES, "periods in which it acts"], lines)
 
 
 STUDIES = study(

@@ -6,7 +6,7 @@ The search makes the slowest decay over a sample of the box as fast as it can; i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -39,6 +39,7 @@ OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PLANTS, SEED = 32, 0
 EPISODES = 256  # on unknown arms
 FIRST, LAST = 200, 1000  # control periods of the lap that count: two sides, after the start
+LOSSES = ("lost", "median [mm]", "90th percentile [mm]")
 BLOCK = 20  # control periods after which growing deviations are scaled down
 EVALUATIONS = 100
 
@@ -178,6 +179,13 @@ def run_unknown(
     envs.close()
     errors = [np.sqrt(np.mean(squares[first:], axis=0)) for first in (0, round(SETTLED / policy.task.period))]
     return [None if np.isnan(pair).any() else pair.tolist() for pair in np.stack(errors, axis=1)]
+
+
+def losses(errors: Sequence[Sequence[float] | None]) -> list[str]:
+    """Write how many episodes of `run_unknown` are lost, and the quantiles of their errors; see `LOSSES`."""
+    values = np.array([np.inf if pair is None else 1e3 * pair[0] for pair in errors])
+    found = np.quantile(values, [0.5, 0.9], method="higher")
+    return [f"{np.sum(~np.isfinite(values))} of {len(values)}", *(f"{x:.1f}" if x < np.inf else "lost" for x in found)]
 
 
 def measured(design: Mapping[str, Any]) -> dict[str, Any]:
