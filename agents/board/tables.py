@@ -10,7 +10,6 @@ import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.summary import nominal_errors, spans
-from flexarm_env.envs import documentation
 
 Board = Mapping[str, Any]
 Entry = Mapping[str, Any]
@@ -37,8 +36,9 @@ SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Write a Markdown table, with a newline at its end; columns without any text are left out."""
-    return f"{documentation.table(head, rows)}\n"
+    """Write a Markdown table, one line a row; pipes in cells are escaped."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
 def has_rank(entry: Entry) -> bool:
