@@ -56,6 +56,7 @@ class PathTeacher(Teacher):
     rescues = True
     seeds: Indices  # of the episodes, by plan
     chosen: Indices  # plan that each arm of the present rollout began with
+    difficulty: Floats  # of each plan, see `graded`
 
     @classmethod
     def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path) -> PathTeacher:
@@ -74,14 +75,22 @@ class PathTeacher(Teacher):
         plans = Plans(*(np.stack(table, dtype=np.float32) for table in zip(*tables, strict=True)))
         teacher = cls(plans, env.settings.motor_limit, env.settings.control_period)
         teacher.seeds, teacher.periods = np.array(list(found)), round(TAUGHT / PERIOD)
+        teacher.difficulty = np.full(len(found), np.nan)
         return teacher
 
     def begin(self, env: FlexArmVectorEnv, random: np.random.Generator) -> tuple[Array, Mapping[str, Any]]:
         """See `Teacher`."""
         count = env.num_envs
-        self.chosen = random.choice(len(self.seeds), count, replace=len(self.seeds) < count)
+        known = np.isfinite(self.difficulty)
+        mean = self.difficulty[known].mean() if known.any() else 1.0
+        chances = np.where(known, self.difficulty, mean) + mean
+        self.chosen = random.choice(len(self.seeds), count, len(self.seeds) < count, chances / chances.sum())
         drawn = {name: random.uniform(*env.settings.range_of(name), count) for name in ("delay", "actuation_delay")}
         return env.reset(seed=self.seeds[self.chosen].tolist(), options={"parameters": drawn})
+
+    def graded(self, shares: Floats) -> None:
+        """See `Teacher`; a path's chance to be drawn grows with the share in which the student was off its plan."""
+        self.difficulty[self.chosen] = shares
 
     def pupils(self, env: FlexArmVectorEnv, begun: Flags, before: Pupils | None = None) -> Pupils:
         """See `Teacher`; an episode that an arm begins when it has lost another has no plan."""

@@ -127,6 +127,9 @@ class Teacher:
         feedback[pupils.lap < 0] = np.inf
         return np.clip(planned / self.limits + feedback, -1.0, 1.0).astype(np.float32), feedback
 
+    def graded(self, shares: Floats) -> None:
+        """Take note of the share of a rollout in which the student was far off each arm's plan. Shape (n,)."""
+
     def _corners(self, pupils: Pupils) -> list[tuple[tuple[Indices, ...], Floats]]:
         """Return the places of each arm's plans, those of the grid's plants about its own, with their weights."""
         parameters = pupils.parameters

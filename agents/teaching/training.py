@@ -58,7 +58,10 @@ class DAggerTraining(Rounds):
         """Run the next rollout; without a student, the first one, which the teacher drives alone."""
         assert self.env is not None
         number = 0 if student is None else len(self.rollouts)
-        return run_rollout(self.env, self.teacher, student, self.config, number)
+        found = run_rollout(self.env, self.teacher, student, self.config, number)
+        if student is not None:
+            self.teacher.graded(1.0 - found.weights.reshape(-1, self.config.arms).mean(axis=0))
+        return found
 
     @property
     def done(self) -> int:  # type: ignore[override]
