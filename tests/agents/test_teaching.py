@@ -237,6 +237,19 @@ def test_the_teacher_takes_over_arms_that_a_student_would_lose(drawn: Any) -> No
         assert run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost > 0
 
 
+def test_paths_that_a_student_leaves_are_drawn_more_often(drawn: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    teacher, random = drawn.teacher, np.random.default_rng(0)
+    monkeypatch.setattr(teacher, "difficulty", np.full(3, np.nan))
+    monkeypatch.setattr(teacher, "chosen", np.array([0, 1]))
+    teacher.graded(np.array([0.1, 0.9]))  # the third is unknown: it counts as the mean of the others
+    times = np.zeros(3)
+    for _ in range(200):
+        teacher.begin(drawn.env, random)
+        times[teacher.chosen] += 1
+    # chances of the first draw are 0.2, 0.47, 0.33, and those of being one of the two that are drawn:
+    np.testing.assert_allclose(times / 200, [0.475, 0.817, 0.708], atol=0.1)
+
+
 def test_plans_of_drawn_paths_are_kept_and_others_refused(drawn: Any) -> None:
     folder = drawn.run.path / "plans"
     before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
