@@ -39,6 +39,7 @@ from flexarm_env.simulation.limits import rest_state
 FIRST = 10**6  # seed of the first planned episode; those after it follow
 OPTIONS = SolverOptions(iterations=4, tolerance=3e-3)  # the fifth would lower an error by less than 1 %
 NEARLY_STRAIGHT = 0.95  # share of the reach from which on an arm may change its elbow's side when it starts
+LEAST = 1e-6  # mean difficulty of plans that no student has left; all are drawn alike then
 BAD = 0.3  # [m]: r.m.s. error of a plan that is not taught
 
 
@@ -82,7 +83,7 @@ class PathTeacher(Teacher):
         """See `Teacher`."""
         count = env.num_envs
         known = np.isfinite(self.difficulty)
-        mean = self.difficulty[known].mean() if known.any() else 1.0
+        mean = max(self.difficulty[known].mean(), LEAST) if known.any() else 1.0
         chances = np.where(known, self.difficulty, mean) + mean
         self.chosen = random.choice(len(self.seeds), count, len(self.seeds) < count, chances / chances.sum())
         drawn = {name: random.uniform(*env.settings.range_of(name), count) for name in ("delay", "actuation_delay")}

@@ -31,6 +31,7 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH
+from scripts.common.spreads import millimetres
 from scripts.common.study import Trial, study
 from scripts.control.trials import run_laps
 
@@ -183,9 +184,9 @@ def run_unknown(
 
 def losses(errors: Sequence[Sequence[float] | None]) -> list[str]:
     """Write how many episodes of `run_unknown` are lost, and the quantiles of their errors; see `LOSSES`."""
-    values = np.array([np.inf if pair is None else 1e3 * pair[0] for pair in errors])
-    found = np.quantile(values, [0.5, 0.9], method="higher")
-    return [f"{np.sum(~np.isfinite(values))} of {len(values)}", *(f"{x:.1f}" if x < np.inf else "lost" for x in found)]
+    values = np.array([np.inf if pair is None else pair[0] for pair in errors])
+    quantiles = np.quantile(values, [0.5, 0.9], method="higher").tolist()
+    return [f"{np.sum(np.isinf(values))} of {len(values)}", *map(millimetres, quantiles)]
 
 
 def measured(design: Mapping[str, Any]) -> dict[str, Any]:

@@ -248,6 +248,8 @@ def test_paths_that_a_student_leaves_are_drawn_more_often(drawn: Any, monkeypatc
         times[teacher.chosen] += 1
     # chances of the first draw are 0.2, 0.47, 0.33, and those of being one of the two that are drawn:
     np.testing.assert_allclose(times / 200, [0.475, 0.817, 0.708], atol=0.1)
+    teacher.difficulty[:] = 0.0  # no student left its plan, e.g. where the teacher drives all the time
+    teacher.begin(drawn.env, random)
 
 
 def test_plans_of_drawn_paths_are_kept_and_others_refused(drawn: Any) -> None:

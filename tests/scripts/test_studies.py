@@ -36,7 +36,7 @@ def test_the_page_has_every_controller_with_the_scores_of_its_laps() -> None:
 def test_a_lost_lap_is_infinite_among_the_errors_behind_a_filter() -> None:
     errors = [[0.01 * n, 0.0] for n in range(1, 10)]
     lines = safety_filter_table({"0.4": {"unknown": [*errors, None], "acts": 0.21}}).splitlines()
-    assert [one.strip() for one in lines[-1].split("|")[1:-1]] == ["0.4", "1 of 10", "60.0", "lost", "21%"]
+    assert [one.strip() for one in lines[-1].split("|")[1:-1]] == ["0.4", "1 of 10", "60", "lost", "21%"]
 
 
 def score(duration: float, error: float | None) -> dict[str, Any]:
