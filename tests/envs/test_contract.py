@@ -29,6 +29,7 @@ from tests.support.envs import (
     actions_for,
     assert_same,
     bare,
+    block,
     in_fresh_process,
     kinds_of,
     make,
@@ -195,18 +196,47 @@ def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, A
     assert np.isfinite(env.observation_space.high).all()
 
 
+def test_the_lap_goes_on_after_its_end() -> None:
+    """The second lap is the first again: what acts on the arm knows no end of the lap."""
+    env = bare(error_limit=None, deflection_limit=None, lap_time=0.5, side=0.5, start="corner")
+    rows = [env.step(np.zeros(2, np.float32))[0] for _ in range(101)]
+    position = np.array([block(env, row, "reference_position") for row in rows])
+    np.testing.assert_allclose(position[50:], position[:51], atol=1e-6)  # float32
+    previews = np.array([block(env, row, "previews") for row in rows])
+    np.testing.assert_allclose(previews[50:], previews[:51], atol=1e-6)
+
+
+OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
+
+
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_gymnasiums_worker_processes(context: str) -> None:
-    options = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
     with warnings.catch_warnings():
         # Python's general warning: this process has threads, of numpy and of others, that a fork does not copy
         warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)
-        functions = [partial(gym.make, f"flexarm_env:{SQUARE}", **options)] * 2
-        env, twin = gym.vector.AsyncVectorEnv(functions, context=context), FlexArmVectorEnv(2, **options)
+        functions = [partial(gym.make, f"flexarm_env:{SQUARE}", **OPTIONS)] * 2
+        env, twin = gym.vector.AsyncVectorEnv(functions, context=context), FlexArmVectorEnv(2, **OPTIONS)
     assert_same(env.reset(seed=2), twin.reset(seed=2))
     for action in actions_for(twin, 20):
         assert_same(env.step(action), twin.step(action))
     env.close()
+
+
+@pytest.mark.slow  # each worker imports torch
+def test_stable_baselines3s_worker_processes() -> None:
+    env_util = pytest.importorskip("stable_baselines3.common.env_util")
+    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+    kinds = (vec_env.SubprocVecEnv, vec_env.DummyVecEnv)
+    runs = []
+    for kind in kinds:
+        env = env_util.make_vec_env(f"flexarm_env:{SQUARE}", 2, seed=1, env_kwargs=OPTIONS, vec_env_cls=kind)
+        rows = [env.reset()]
+        for action in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2, 2)).astype(np.float32):
+            observation, reward, done, infos = env.step(action)
+            rows += [observation, reward.astype(np.float32), done, np.array([info["state"] for info in infos])]
+        env.close()
+        runs.append(rows)
+    assert_same(*runs)
 
 
 @pytest.mark.slow
