@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
 
 from flexarm_agents.board.columns import COLUMNS, measurable
+from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.measure import DATA, INCOMPLETE, PUBLISHED, beside, published, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
@@ -52,12 +54,22 @@ def update_docs(folder: Path) -> None:
     shutil.copyfile(folder / DATA, PUBLISHED)
 
 
-def present(folder: Path) -> None:
-    """Write the committed board's tables anew, and the pictures that need its figures only."""
+def time_entries(entries: Sequence[Entry], folder: Path) -> None:
+    """Write how long entries take to choose an action, as JSON and as the page's table."""
+    with tqdm(total=len(entries), unit="entry", desc="timing") as bar:
+        found = times(entries, bar.update)
+    write_json(folder / TIMES, found)
+    write_text(folder / "times.md", times_table(found))
+
+
+def present(folder: Path, timed: bool) -> None:
+    """Write the committed board's tables anew, and the pictures that need its figures only; time the entries or not."""
     results = json.loads(PUBLISHED.read_text())
     shutil.rmtree(folder, ignore_errors=True)
     write(results, folder)
     draw(results, folder / "figures")
+    if timed:
+        time_entries(all_entries(()), folder)
     update_docs(folder)
 
 
@@ -90,15 +102,12 @@ def main() -> None:
     """Command line."""
     given = parser().parse_args()
     if given.no_measure:
-        present(given.output / "presented")
+        present(given.output / "presented", given.times)
         return
     check(given)
     entries, results, failed = measured(given)
     if given.times:
-        with tqdm(total=len(entries), unit="entry", desc="timing") as bar:
-            found = times(entries, bar.update)
-        write_json(given.output / TIMES, found)
-        write_text(given.output / "times.md", times_table(found))
+        time_entries(entries, given.output)
     draw(beside(results, published() or results) if given.add else results, given.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries")
