@@ -62,7 +62,7 @@ def time_entries(entries: Sequence[Entry], folder: Path) -> None:
     write_text(folder / "times.md", times_table(found))
 
 
-def present(folder: Path, timed: bool) -> None:
+def present(folder: Path, timed: bool = False) -> None:
     """Write the committed board's tables anew, and the pictures that need its figures only; time the entries or not."""
     results = json.loads(PUBLISHED.read_text())
     shutil.rmtree(folder, ignore_errors=True)
