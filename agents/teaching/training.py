@@ -53,6 +53,7 @@ class DAggerTraining(Rounds):
         if config.drawn_paths:
             self.student.mirror_with(env.observation_mirror, env.action_mirror)
         self.students: list[dict[str, Any]] = []  # after each round, averages alone
+        self.done, self.round_steps = 0, config.arms * self.teacher.periods
 
     def rollout(self, student: NetworkPolicy | None) -> Rollout:
         """Run the next rollout; without a student, the first one, which the teacher drives alone."""
@@ -63,16 +64,6 @@ class DAggerTraining(Rounds):
             self.teacher.graded(1.0 - found.weights.reshape(-1, self.config.arms).mean(axis=0))
         return found
 
-    @property
-    def done(self) -> int:  # type: ignore[override]
-        """See `Rounds`."""
-        return len(self.students)
-
-    @property
-    def round_steps(self) -> int:  # type: ignore[override]
-        """See `Rounds`."""
-        return self.config.arms * self.teacher.periods
-
     def next_round(self) -> None:
         """See `Rounds`."""
         if self.students:
@@ -80,6 +71,7 @@ class DAggerTraining(Rounds):
         self.student.fit(self.rollouts)
         average = self.student.average.state_dict()
         self.students.append({name: value.clone() for name, value in average.items()})
+        self.done += 1
         self.logger.record("dagger/loss", self.student.loss)
         self.logger.record("dagger/lost_arms", self.rollouts[-1].lost)
 
@@ -89,16 +81,20 @@ class DAggerTraining(Rounds):
 
     def state(self, complete: bool) -> dict[str, Any]:
         """See `Training`."""
-        return {"student": self.student.state(), "students": self.students}
+        kept = {"done": self.done, "round_steps": self.round_steps}
+        return kept if complete else kept | {"student": self.student.state(), "students": self.students}
 
     def restore(self, state: dict[str, Any]) -> None:
         """See `Training`."""
+        if "student" not in state:  # complete
+            self.done, self.round_steps = state["done"], state["round_steps"]
+            return
         self.start()
         for weights in state["students"][:-1]:
             self.student.average.load_state_dict(weights)
             self.rollouts.append(self.rollout(self.student.policy()))
         self.student.restore(state["student"])
-        self.students = state["students"]
+        self.students, self.done = state["students"], state["done"]
 
     def close(self) -> None:
         """See `Training`."""
