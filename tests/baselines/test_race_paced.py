@@ -9,13 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_baselines import race_mpcc
 from flexarm_baselines.lqg import race_paced
 from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.lqg.race_paced import LEAST, MOST, Paced, PacedLQG
 from flexarm_baselines.optimal import Plan
-from flexarm_baselines.predictive import Instant
-from flexarm_baselines.race_mpcc import PRICE, Prediction, RaceMPCC
+from flexarm_baselines.predictive import Instant, contouring
+from flexarm_baselines.predictive.contouring import Prediction
+from flexarm_baselines.race_mpcc import PRICE, RaceMPCC
 from flexarm_baselines.registry import controller
 
 PERIODS = 80
@@ -93,8 +93,8 @@ def test_contouring_gains_on_the_plan_within_limits_and_a_batch_is_as_one() -> N
     plain, priced = (one.iteration.contoured(Prediction(*together[3:6]), now).instants for one in (free, driver))
     assert (priced[:, -1] > plain[:, -1] + 0.1).all()
     paces = np.diff(priced)
-    assert (paces >= race_mpcc.LEAST).all()
-    assert (paces <= race_mpcc.MOST).all()
+    assert (paces >= contouring.LEAST).all()
+    assert (paces <= contouring.MOST).all()
 
 
 def test_entries_have_the_steady_plan_and_another_one_is_refused() -> None:
