@@ -160,10 +160,16 @@ def _facts(name: str, one: Id) -> str:
     more = f"[terms](../concepts.md), [what all ids share](README.md), `flexarm show {name}`: everything"
     rows = [
         ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
-        ("Episode", doc.timing(one)),
+        ("Episode", _timing(one)),
         ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}; {more}'),
     ]
     return doc.table(("Action", f"`{actions}`"), rows)
+
+
+def _timing(one: Id) -> str:
+    text = re.sub(r"(?<=the tip )[\d.]+", lambda number: f"{max(float(number[0]), 1e-3):.2g}", doc.timing(one))
+    step = f"MuJoCo in steps of {1e3 * ChainOptions().chain_step:g} ms"
+    return re.sub(r"(?<=integrated by ).*", step, text) if one.options_of else text
 
 
 def _paragraphs(text: str) -> str:

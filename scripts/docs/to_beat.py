@@ -38,12 +38,16 @@ BY_ID: Mapping[str, OnBoard] = {
     "Square-v0": OnBoard("nominal", ("square",), ("plan_lqr", "lqg", "agent student_gauges", "agent square")),
     "SquareGain-v0": OnBoard("nominal", ("square",), ("agent scheduler", "ifdc", "flsac")),
     "SquareChain-v0": OnBoard(
-        "nominal", ("chain",), ("nmpc_adaptive", "lqg_adaptive", "plan_lqr", "agent student_unknown", "shaped")
+        "nominal", ("chain",), ("hinf", "nmpc_adaptive", "lqg_adaptive", "plan_lqr", "agent student_unknown", "shaped")
     ),
     "SquareEncoders-v0": OnBoard(
         "nominal", ("square",), ("shaped", "computed_torque"), "No learned policy has been measured on these sensors."
     ),
-    "SquareUnknown-v0": OnBoard("unknown", (UNKNOWN,), ("nmpc_state", "agent student_unknown", "lqg_adaptive", "lqg")),
+    "SquareUnknown-v0": OnBoard(
+        "unknown",
+        (UNKNOWN,),
+        ("nmpc_state", "agent student_unknown", "agent student_unknown_stamped", "lqg_adaptive", "lqg"),
+    ),
     "SquareDelayEasy-v0": OnBoard(
         "nominal",
         ("square",),
@@ -53,11 +57,11 @@ BY_ID: Mapping[str, OnBoard] = {
     "SquareDelayMedium-v0": OnBoard(
         "delay",
         tuple(float(delay) for delay in range(0, 61, 10)),
-        ("lqg_adaptive", "nmpc_adaptive", "agent student_unknown", "agent filtered"),
+        ("lqg_adaptive_stamped", "lqg_adaptive", "agent student_unknown", "agent filtered"),
         "Laps with delays of 0, 10, ..., 60 ms.",
     ),
     "Reach-v0": OnBoard("nominal", ("reach",), ("agent universal", "agent square")),
-    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent square")),
+    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent universal", "agent square")),
 }
 
 
@@ -228,12 +232,12 @@ _PAPER = """\
 The leaderboard does not measure this set-up. What the paper's two controllers do here, and which of the paper's claims
 hold, is in [the paper, reproduced](../reproduction.md)."""
 _LAB = """\
-The leaderboard does not measure this arm. [Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of
-the controllers by name."""
+[Published arms](../how_to/published_arms.md#flexarmlab-v0) has the scores of controllers that are designed on this arm,
+the [leaderboard](../leaderboard.md#the-laboratory-arm) those of controllers that are designed on the data sheet's."""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
-    "Reach-v0": "Of the shipped agents `universal` alone loses no episode; it rests at a third of the goals.",
+    "Reach-v0": "Of the agents with limited torques `universal` alone loses no episode; it rests at some of the goals.",
     "Lab-v0": "",
     "Carry-v0": "",
     "SmoothSquare-v0": "",
