@@ -16,15 +16,16 @@ from typing import Any
 
 from tqdm import tqdm
 
-from flexarm_agents import Spread, StandardScore
+from flexarm_agents import Spread
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.commands.train import tuned_for
+from flexarm_agents.evaluation.races import read_score
+from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.training.config import ALGORITHMS, RunConfig
-from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
 from scripts.common.command_line import parser, run
 from scripts.common.markdown import table
@@ -67,7 +68,7 @@ def seeds_of(text: str) -> list[int]:
 def settings_of(sweep: object, config: RunConfig) -> list[Setting]:
     """Return all combinations of a sweep's values."""
     lists = mapping("sweep", sweep)
-    known_names("sweep", lists, [one.name for one in fields(config) if one.name != "seed"])
+    known_names("sweep", lists, [one.name for one in fields(config) if one.name not in ("seed", "environment")])
     for name, values in lists.items():
         if not isinstance(values, list) or not values:
             raise ValueError(f"sweep[{name!r}] = {shown(values)}: must be a list with a value at least")
@@ -85,7 +86,7 @@ def jobs_of(config: RunConfig, settings: Sequence[Setting], seeds: Sequence[int]
 
 
 def summary(settings: Sequence[Setting], config: RunConfig, found: Sequence[Training]) -> list[dict[str, Any]]:
-    """Return for each setting the spread over its seeds of both laps' mean r.m.s. error, and the trainings."""
+    """Return for each setting its trainings, and the spread of both laps' mean r.m.s. error, or of a race's time."""
     rows = []
     for setting in settings:
         key = _key(replace(config, **setting))
@@ -98,8 +99,8 @@ def summary(settings: Sequence[Setting], config: RunConfig, found: Sequence[Trai
 
 
 def summary_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Write the spreads; "-" where too many laps ended early."""
-    head = ["setting", "seeds, complete", "median [m]", "interquartile mean [m]", "best [m]", "worst [m]"]
+    """Write the spreads [m], of races [s]; "-" where too many laps ended early."""
+    head = ["setting", "seeds, complete", "median", "interquartile mean", "best", "worst"]
     lines = []
     for row in rows:
         figures = [row[name] for name in ("median", "interquartile_mean", "best", "worst")]
@@ -142,8 +143,8 @@ def _key(config: RunConfig) -> str:
 
 
 def _error(best: Mapping[str, Any]) -> float | None:
-    errors = [lap.rms for lap in StandardScore.of(best) if lap.rms is not None]
-    return sum(errors) / len(LAPS) if len(errors) == len(LAPS) else None
+    score = read_score(best)
+    return rank([score])[1] if score.complete else None
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from flexarm_agents.board.columns import Column
+from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.figures import ERRORS, Figure
 from flexarm_agents.board.terms import TASKS
@@ -147,7 +147,7 @@ def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results)
 def nominal_errors(entry: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
     """Return the errors of an entry's nominal laps by name: whole lap and after 2 s [m]; None for a lost one."""
     points = entry["columns"].get("nominal", {"points": [None]})["points"]
-    square = points[list(TASKS).index("square")]
+    square = points[[point.task for point in COLUMNS["nominal"].points].index("square")]
     errors: dict[str, dict[str, float] | None] = {}
     for lap in LAPS:
         one = square.get(lap) if square else None

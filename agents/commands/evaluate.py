@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -173,7 +174,7 @@ def _candidates(given: argparse.Namespace) -> Iterator[Candidate]:
         environment, options = check_id(given.environment or ENVIRONMENT), changed({}, given.options, given.arm)
         for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
             env = make_one(environment, options)
-            policy = ConstantPolicy(2, spread, given.seed)
+            policy = ConstantPolicy(math.prod(env.action_space.shape or ()), spread, given.seed)
             yield Candidate(name, policy, env, environment, options, plant=plant_of(options))
 
 

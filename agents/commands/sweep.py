@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,16 +12,17 @@ from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.summary import kept, merged, point_summary, spans
+from flexarm_agents.board.terms import TASKS
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import entry_of
 from flexarm_agents.commands.text import columns
-from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice
 
 Summary = Mapping[str, Any]
 LEGEND = """\
-Errors of the laps, swing / plain: median and 90th percentile of all, of which a lost one is infinite; means of those
-completed, over the lap and after 2 s. At the end, when the first lap was lost."""
+{text}, {laps}: median and 90th percentile of all, of which a lost one is infinite; mean of those completed{after}. At
+the end, when the first one was lost."""
+AFTER = "rms_after_2s"  # figure of laps that the table has beside a point's headline
 
 
 def sweep(given: argparse.Namespace) -> dict[str, Any]:
@@ -37,7 +39,11 @@ def sweep(given: argparse.Namespace) -> dict[str, Any]:
     for source in given.policies:
         entry = entry_of(source, given, given.options)
         results = _results(entry, column.points)
-        points = [point_summary(merged(results))] if column.sample else [point_summary(one) for one in results]
+        points = (
+            [point_summary(merged(results), column.points[0].task)]
+            if column.sample
+            else [point_summary(one, point.task) for one, point in zip(results, column.points, strict=True)]
+        )
         print(_table(entry.name, column, points), end="\n\n")
         written.append({"row": entry.plain(), "results": results})
     return {"sweep": given.sweep, "rows": written}
@@ -54,14 +60,24 @@ def _results(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
 
 
 def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
-    """Write a line for each point: how many laps were lost, and the errors."""
-    unit = f" [{column.unit}]" if column.unit else ""
+    """Write a line for each point: how many laps were lost, and the headline figure of its task."""
+    tasks = [TASKS[one.task] for one in column.points[: 1 if column.sample else None]]
+    figure, more = tasks[0].figures[tasks[0].headline], [AFTER] * all(AFTER in task.figures for task in tasks)
+    axis = f" [{column.unit}]" if column.unit else ""
     values = ["all"] if column.sample else [_number(one.value) for one in column.points]
-    heads = ("lost", "median [m]", "90 % [m]", "completed laps [m]", "after 2 s [m]", "")
-    rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
-    lines = f"{LEGEND}\n{columns([(f'{name}: {column.title.lower()}{unit}', *heads), *rows], right=True)}"
+    heads = ["lost", *(f"{what} [{figure.unit}]" for what in ("median", "90 %", "completed"))]
+    heads += [*(f"after 2 s [{tasks[0].figures[name].unit}]" for name in more), ""]
+    rows = [
+        (value, *_cells(point, task.headline, [task.headline, *more]))
+        for value, task, point in zip(values, tasks, points, strict=True)
+    ]
+    text = f"{figure.text[0].upper()}{figure.text[1:]}"
+    laps = " / ".join(f"{lap} lap" for lap in tasks[0].laps if lap) or "each episode"
+    legend = textwrap.fill(LEGEND.format(text=text, laps=laps, after=", and the same from 2 s on" * len(more)), 110)
+    lines = f"{legend}\n{columns([(f'{name}: {column.title.lower()}{axis}', *heads), *rows], right=True)}"
     if all(isinstance(point.value, float) for point in column.points):
-        lines += f"\nno lap lost: {spans(kept(column, points)) or 'not at the nominal value'}"
+        bound = "" if column.bound is None else f", mean errors below {column.bound:g} m"
+        lines += f"\nno lap lost{bound}: {spans(kept(column, points)) or 'not at the nominal value'}"
     return lines
 
 
@@ -69,20 +85,21 @@ def _number(value: float | str) -> str:
     return f"{value:g}" if isinstance(value, float) else value
 
 
-def _cells(point: Summary | None) -> tuple[str, ...]:
+def _cells(point: Summary | None, headline: str, means: Sequence[str]) -> tuple[str, ...]:
     if point is None or "not_applicable" in point:
-        return *("-",) * 5, "" if point is None else f"not applicable: {point['not_applicable']}"
-    laps = [point.get(lap, point.get("all")) for lap in LAPS]
+        absent = "" if point is None else f"not applicable: {point['not_applicable']}"
+        return *("-",) * (3 + len(means)), absent
+    laps = list(point.values())
     lost = " / ".join(f"{one['lost']} of {one['episodes']}" for one in laps)
     first = min((one["first_loss"] for one in laps if one["lost"]), default=None)
     return (
         lost,
-        *(_errors(laps, "rms", what, "lost") for what in ("median", "p90")),
-        *(_errors(laps, figure, "mean", "-") for figure in ("rms", "rms_after_2s")),
+        *(_figures(laps, headline, what, "lost") for what in ("median", "p90")),
+        *(_figures(laps, figure, "mean", "-") for figure in means),
         "" if first is None else f"at {first:.2f} s",
     )
 
 
-def _errors(laps: Sequence[Summary], figure: str, what: str, none: str) -> str:
+def _figures(laps: Sequence[Summary], figure: str, what: str, none: str) -> str:
     values = [None if one[figure] is None else one[figure][what] for one in laps]
     return " / ".join(none if value is None else f"{value:.3f}" for value in values)

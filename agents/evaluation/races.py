@@ -8,11 +8,12 @@ from typing import Any
 import gymnasium
 
 from flexarm_agents.evaluation import scoring
-from flexarm_agents.evaluation.scoring import Score, StandardScore, score
+from flexarm_agents.evaluation.scoring import COMPLETE, ERRORS, Score, StandardScore, score
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 
 FINISHED = "finished"  # how a race ends whose laps are done
+OUT_OF_TIME = "time limit"  # how one ends that lasts as long as it may: it is lost
 
 
 class RaceScore(Score):
@@ -51,7 +52,11 @@ def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> Standa
     """
     if not env.unwrapped.settings.mode.races:  # type: ignore[attr-defined]
         return scoring.evaluate(env, policy, seed)
-    race = RaceScore(*score(run_policy(env, policy, seed=seed)))
+    found = score(run_policy(env, policy, seed=seed))
+    if found.ended == COMPLETE:
+        errors: dict[str, Any] = dict.fromkeys(ERRORS)
+        found = found._replace(ended=OUT_OF_TIME, **errors)
+    race = RaceScore(*found)
     return RaceScores(race, race)
 
 

@@ -17,7 +17,7 @@ from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 
 COMPLETE = "truncated"  # how an episode ends that lasts as long as it may
-_ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigures`, for complete episodes only
+ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigures`, for complete episodes only
 
 
 class Score(NamedTuple):
@@ -139,7 +139,7 @@ def score(run: Trajectory) -> Score:
     """
     ended = str(run.notes.get("ended"))
     figures = figures_so_far(run)
-    errors = {name: getattr(figures, name) if ended == COMPLETE else None for name in _ERRORS}
+    errors = {name: getattr(figures, name) if ended == COMPLETE else None for name in ERRORS}
     rewards = run.reward if run.reward is not None else np.zeros(1)
     return Score(
         ended=ended,

@@ -218,12 +218,23 @@ def read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Pla
     if not path.is_file():
         return None
     plan = Plan.load(path)
-    same = plan.parameters == problem.arm.parameters and np.allclose(plan.reference, problem.reference, atol=1e-9)
-    if not same or any(plan.notes.get(name) != wishes[name] for name in wishes):
+    if not solves(plan, problem, wishes):
         raise ValueError(
             f"{path}: a plan of another arm, or not with {dict(wishes)}; remove it, or name another folder"
         )
     return plan
+
+
+def solves(plan: Plan, problem: TrackingProblem, wishes: Mapping[str, Any]) -> bool:
+    """Return whether a plan is one of a problem, made with wishes that its notes have."""
+    return (
+        plan.parameters == problem.arm.parameters
+        and plan.period == problem.period
+        and np.array_equal(plan.limits, problem.limits)
+        and plan.reference.shape == problem.reference.shape
+        and np.allclose(plan.reference, problem.reference, atol=1e-9)
+        and wishes.items() <= plan.notes.items()
+    )
 
 
 def _make(path: Path, problem: TrackingProblem, neighbour: Plan) -> Plan:

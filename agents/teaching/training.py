@@ -21,6 +21,7 @@ from flexarm_agents.teaching.rollouts import Rollout, run_rollout
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training.loop import Rounds
+from flexarm_agents.training.warm_start import check_curriculum
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
 
@@ -38,6 +39,7 @@ class DAggerTraining(Rounds):
     def start(self) -> None:
         """See `Training`."""
         config = self.config
+        check_curriculum(config)
         options = config.options | config.curriculum_options | {"start": "corner"}
         if config.drawn_paths:
             options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}

@@ -185,6 +185,7 @@ class TrainingLoop:
         if training.steps < training.total:
             training.learn(self._pause)
             self._attend(last=True)
+        if not training.run.laps.exists():
             best = load_policy(training.run.path).policy
             own = {title: None if self._races else lap for lap, title in self._laps.items()}
             runs = {title: run_policy(self._env, best, EVALUATION_SEED, lap=lap) for title, lap in own.items()}

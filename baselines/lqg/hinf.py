@@ -168,6 +168,10 @@ class HInfinityLQG(LQG):
         Raises:
             ValueError: if no controller guarantees gamma.
         """
+        if task.payloads is not None:
+            raise ValueError("env: payload_changes: the game has one payload throughout")
+        if task.actuation_delay:
+            raise ValueError(f"env: actuation_delay = {task.actuation_delay} s: must be 0, the game has no late motors")
         super().__init__(task, plans, weights=weights, noise=noise)
         number("gamma", gamma, above=0.0)
         found = Game.of(task, self.plans, FlexibleArm(task.arm), weights, noise).solved(gamma)

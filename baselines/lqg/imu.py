@@ -60,6 +60,8 @@ class InertialLQG(LQG):
             trust: those of the IMU's accelerometer, along and across the tangent [m/s^2], and of its gyro [rad/s].
             **design: see `LQG`.
         """
+        if task.payloads is not None:
+            raise ValueError("env: payload_changes: what the IMU should read is computed for one payload throughout")
         super().__init__(task, plans, noise=noise, **design)
         arm = FlexibleArm(task.arm)
         self.before = np.stack([np.vstack([np.zeros(2), plan.torques[:-1]]) for plan in self.plans])

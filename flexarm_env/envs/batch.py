@@ -170,17 +170,22 @@ class BatchSimulator(LaneBatch):
         self.results = self._run_starts()
 
     def request_resets(self, keys: NDArray[np.uint64], which: NDArray[np.int64], reset_requests: Array) -> None:
-        """Request that the next step begins episodes at its end; see `start`."""
-        self._starts[which] = True
-        self._keys[which] = keys
+        """Request that the next step begins episodes at its end; see `start`.
+
+        What a path's function raises is raised before anything changes.
+        """
         usual, drawing = reset_requests is self.usual_requests, not self.draws.nothing
-        if drawing or not (usual and self._usual):  # the memory holds the usual requests until others are written
-            self._usual = False
-            self._reset_requests[which] = self.draws.completed(reset_requests[which], keys, which)
+        rows = self._reset_requests[which]  # the memory holds the usual requests until others are written
+        if new := drawing or not (usual and self._usual):
+            rows = self.draws.completed(reset_requests[which], keys, which)
+        if self.settings.path_rows:
+            each, width = zip(rows, which.tolist(), keys.tolist(), strict=True), self._paths.shape[1]
+            self._paths[which] = [self.draws.path(row, i, key, width) for row, i, key in each]
+        self._starts[which], self._keys[which] = True, keys
+        if new:
+            self._usual, self._reset_requests[which] = False, rows
             if self.draws.further:
                 self._put_constants(which)
-        for i, key in zip(which.tolist(), keys.tolist(), strict=True) if self.settings.path_rows else ():
-            self._paths[i] = self.draws.path(self._reset_requests[i], i, key, self._paths.shape[1])
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
             self._header[word.READINGS] = ALL_READINGS
 

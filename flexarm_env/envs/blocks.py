@@ -303,13 +303,14 @@ BLOCKS: dict[str, Block] = {
         count="1",
     ),
     "inner_gain": Block(
-        'lambda of the period that ended (0 unless `action_mode` is "gain")',
+        "lambda of the period that ended",
         "1",
         _rows("EFFECTIVE_GAIN", 0, 1),
         lambda s, r: even_range(1, s.gain_limit, s.gain_limit),
         SCALAR,
         reads=None,
         count="1",
+        modes=("gain",),
     ),
     "state": Block(
         "the arm's true state: theta1, theta2, modal coordinates of link 1 and of link 2, and the rates of all; for "

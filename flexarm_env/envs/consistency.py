@@ -157,6 +157,8 @@ def _refuse_contradictions(settings: Any) -> None:
                 raise ValueError(
                     f"observation block {name!r}: there is no {sensor.title}; give {sensor.name}_link (1 or 2) too"
                 )
+    if settings.payload_changes is not None:
+        _refuse_same_payloads(settings)
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:
@@ -173,6 +175,13 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
+
+
+def _refuse_same_payloads(settings: Any) -> None:
+    masses = {mass for _, mass in settings.payload_changes} - {None}
+    own = settings.range_of("payload_mass") if (None in dict(settings.payload_changes).values()) else ()
+    if len(masses.union(own)) < 2:
+        raise ValueError(f"payload_changes = {settings.payload_changes}: must have two masses at least [kg]")
 
 
 def _refuse_no_race(settings: Any) -> None:

@@ -149,7 +149,7 @@ class Episode(NamedTuple):
         parameters: by name `delay` [s], `payload_mass` [kg], `stiffness` [1], `damping` [1], `noise` [m],
             `actuation_delay` [s], drawn or not; then what else `randomisation` names.
         path: name of the path.
-        start_time: moment of the lap at which the episode began [s].
+        start_time: moment of the lap at which the episode began [s]; of a race the place on the path [m].
         elbow_branch: on which side of 0 theta2 is for the rigid arm on the target, "positive" or "negative".
         direction: in which the target goes round the square, "counterclockwise" or "clockwise".
     """

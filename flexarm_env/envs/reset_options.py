@@ -56,8 +56,10 @@ def reset_requests_of(
     reset_requests = usual.copy()
     if "start" in asked:
         names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], simulator)]
-        for name in set(names):
-            check_moving_start(simulator.settings, name)
+        for one, name in {
+            (id(one), name): (one, name) for one, name in zip(simulator.each, names, strict=True)
+        }.values():
+            check_moving_start(one, name)
         reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:
         if simulator.settings.mode.races:
@@ -135,7 +137,7 @@ def _path_indices(value: Any, simulator: BatchSimulator) -> list[int]:
 
 
 def _directions(value: Any, simulator: BatchSimulator) -> list[float]:
-    if not on_a_named_path(simulator.settings):
+    if not all(map(on_a_named_path, simulator.each)):
         raise ValueError(f"options['direction'] = {shown(value)}: has no effect here; only {NAMED}")
     return _codes("direction", value, DIRECTION_CODES, simulator)
 

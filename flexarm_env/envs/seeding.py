@@ -66,6 +66,7 @@ class EpisodeKeys:
             count: number of environments.
         """
         self._generators: list[np.random.Generator] = []
+        self.seeds: list[int] = []  # of the generators
         self._drawn = np.zeros((count, AHEAD), dtype=np.uint64)
         self._used = np.full(count, AHEAD)
         self._words = np.zeros((count, 5), dtype=np.uint64)  # states that generators take when they next draw,
@@ -79,12 +80,13 @@ class EpisodeKeys:
             mask: environments to seed; the first call seeds all. Shape (N,).
         """
         if not self._generators:
-            self._generators = [seeding.np_random(seed)[0] for seed in seeds]
+            made = [seeding.np_random(seed) for seed in seeds]
+            self._generators, self.seeds = [one for one, _ in made], [seed for _, seed in made]
             return
         # all generators are made before any is replaced, so that a bad seed changes nothing
-        new = {i: seeding.np_random(seeds[i])[0] for i in np.flatnonzero(mask).tolist() if seeds[i] is not None}
-        for i, generator in new.items():
-            self._generators[i] = generator
+        new = {i: seeding.np_random(seeds[i]) for i in np.flatnonzero(mask).tolist() if seeds[i] is not None}
+        for i, (generator, seed) in new.items():
+            self._generators[i], self.seeds[i] = generator, seed
             self._used[i] = AHEAD
             self._waiting[i] = False
 

@@ -202,7 +202,7 @@ class FlexArmVectorEnv(
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)
-        self._remember(begun)
+        self._remember(begun, moved=True)
         return self._observations(), rewards, terminated, truncated, infos
 
     def get_state(self, rows: Sequence[int] | Indices | None = None) -> Words:
@@ -261,6 +261,11 @@ class FlexArmVectorEnv(
             scene.close()
         self.simulator.close()
 
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Seeds of the environments, as `SyncVectorEnv` has them; () before the first reset."""
+        return tuple(self._keys.seeds)
+
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _mask(self, mask: Any) -> Flags:
@@ -314,6 +319,7 @@ class FlexArmVectorEnv(
     def _observations(self) -> NDArray[np.float32]:
         return self.simulator.observations[: self.num_envs].copy()
 
-    def _remember(self, begun: Indices) -> None:
+    def _remember(self, begun: Indices, moved: bool = False) -> None:
         for i, scene in enumerate(self._scenes):
-            (scene.begin if i in begun else scene.add)(self.simulator.result(i))
+            if moved or i in begun:
+                (scene.begin if i in begun else scene.add)(self.simulator.result(i))

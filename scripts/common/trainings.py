@@ -44,8 +44,8 @@ def trained(config: RunConfig, folder: Path) -> Training:
 
 def _alike(one: StandardScore, other: StandardScore) -> bool:
     """Return whether two scores differ at most as a version that rounds otherwise makes them differ."""
-    errors = [(a.rms, b.rms) for a, b in zip(one, other, strict=True)]
-    return all(a is b is None or (a and b and isclose(a, b, rel_tol=ROUNDING)) for a, b in errors)
+    pairs = [(a.complete, b.complete, a.rank[1], b.rank[1]) for a, b in zip(one, other, strict=True)]
+    return all(a == b and (not a or isclose(x, y, rel_tol=ROUNDING)) for a, b, x, y in pairs)
 
 
 def carried_out(config: RunConfig, folder: Path) -> Outcome:

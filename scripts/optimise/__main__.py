@@ -110,7 +110,7 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> list[str]:
     if options.packaged:
         best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
     else:
-        weight = options.change_weight or CHANGE_WEIGHTS.get(arm)
+        weight = CHANGE_WEIGHTS.get(arm) if options.change_weight is None else options.change_weight
         weights = {} if weight is None else {"change_weight": weight}
         effort = Effort(options.trial, options.finalists, options.iterations)
         parameters, track = ArmParameters.named(arm), TRACKS[path]

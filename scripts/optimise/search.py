@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flexarm_agents.files import put
+from flexarm_agents.teaching.teacher import solves
 from flexarm_baselines.optimal import (
     Branch,
     DivergingStartError,
@@ -163,6 +164,7 @@ def improved(
         "sequence": sequence,
         "change_weight": problem.change_weight,
         "torque_weight": problem.torque_weight,
+        "deflection_limit": problem.deflection_limit,
         "most_iterations": iterations,
     }
     plan = _earlier(path, problem, settings)
@@ -189,5 +191,4 @@ def _earlier(path: Path, problem: TrackingProblem, settings: dict[str, Any]) -> 
         plan = Plan.load(path)
     except (FileNotFoundError, ValueError):  # none, damaged, or of another version: made anew
         return None
-    same = plan.parameters == problem.arm.parameters and settings.items() <= plan.notes.items()
-    return plan if same else None
+    return plan if solves(plan, problem, settings) else None

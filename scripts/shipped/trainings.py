@@ -50,7 +50,7 @@ def export(
 
 def _figures(trainings: Sequence[Training]) -> tuple[str, tuple[str, ...]]:
     """Return by what trainings are compared, and the figures of a lap that a card has."""
-    if isinstance(read_score(trainings[0].best), RaceScores):
+    if any(isinstance(read_score(one.best), RaceScores) for one in trainings):
         return "the time of the race", ("duration",)
     return "the mean r.m.s. of both laps", ("rms", "rms_after_2s")
 
@@ -61,7 +61,10 @@ def _spread(trainings: Sequence[Training]) -> dict[str, dict[str, dict[str, floa
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for lap in LAPS:
         laps = [getattr(score, lap) for score in scores]
-        spreads = {figure: Spread.of(getattr(one, figure) for one in laps) for figure in _figures(trainings)[1]}
+        spreads = {
+            figure: Spread.of(getattr(one, figure) if one.complete else None for one in laps)
+            for figure in _figures(trainings)[1]
+        }
         found[lap] = {
             figure: {what: getattr(spread, what) for what in ("median", "interquartile_mean", "worst")}
             for figure, spread in spreads.items()

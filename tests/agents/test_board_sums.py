@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from flexarm_agents.board.columns import Column, Point
+from flexarm_agents.board.columns import COLUMNS, Column, Point
 from flexarm_agents.board.summary import kept, lap_summary, loss, loss_interval, point_summary, quantile, whole_summary
+from flexarm_agents.board.terms import TASKS
 from flexarm_agents.commands import evaluate, sweep
 from tests.support.boards import points
 
@@ -90,6 +91,18 @@ def test_evaluate_sweeps_an_axis(
         for one in point["episodes"]:
             assert f"{one['figures']['rms']:.3f}" in told
     assert "no lap lost: 0 to 1" in told
+
+
+def test_each_task_has_its_own_figure_and_laps() -> None:
+    column = COLUMNS["race"]
+    races = [{"lap": None, "duration": t, "figures": dict.fromkeys(TASKS["race"].figures, t)} for t in (21.0, 23.0)]
+    points = [
+        point_summary({"episodes": races}, "race"),
+        point_summary({"episodes": [races[0] | {"figures": None}]}, "race"),
+    ]
+    first, second = [line.split() for line in sweep._table("mine", column, points).splitlines()[-2:]]
+    assert first == ["nominal", "0", "of", "2", "21.000", "23.000", "22.000"]
+    assert second == ["unknown", "plant", "1", "of", "1", "lost", "lost", "-", "at", "21.00", "s"]
 
 
 def test_lost_laps_come_first_and_count() -> None:

@@ -1,5 +1,6 @@
 """LQG's kin: the H-infinity controller with its guarantee, and the filters that find out what arm and sensor are."""
 
+from dataclasses import replace
 from functools import cache
 
 import gymnasium
@@ -9,6 +10,7 @@ import pytest
 from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, hinf, nodes
 from flexarm_baselines.lqg.adaptive import Beliefs, least_in_doubt
 from flexarm_baselines.lqg.hinf import Game, HInfinityLQG, Solution, least_gamma
+from flexarm_baselines.lqg.imu import InertialLQG
 from flexarm_baselines.lqg.nodes import BEND, Node, grid
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
@@ -50,6 +52,17 @@ def gain(one: Game, solution: Solution) -> float:
         z = matrix @ z + by_torque @ torque + root(one.noise[0, k]) @ inputs[1 + 2 * k]
         estimate = matrix @ (estimate + solution.pull[0, k] @ estimate) + by_torque @ torque
     return float(np.linalg.norm(np.concatenate([*outputs, root(one.cost[0, -1]).T @ z]), 2))
+
+
+@pytest.mark.parametrize("kind", [HInfinityLQG, InertialLQG])
+def test_a_payload_that_changes_is_refused(kind: type[LQG]) -> None:
+    with pytest.raises(ValueError, match="payload_changes"):
+        kind(replace(task(), payloads=np.zeros(len(plan().torques))), [plan()])
+
+
+def test_the_game_has_no_late_motors() -> None:
+    with pytest.raises(ValueError, match=r"actuation_delay = 0\.01 s"):
+        HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()])
 
 
 def test_gamma_is_guaranteed_and_the_least_one_is_tight(monkeypatch: pytest.MonkeyPatch) -> None:

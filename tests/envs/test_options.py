@@ -26,6 +26,7 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le", {"arm": {"mass": 1.0}}),
         (r"arm = 'new': must be one of 'default', 'linear', 'paper', 'quanser'", {"arm": {"preset": "new"}}),
         (r"payload_changes = \(\(0\.1, 1\.0\),\): must be two changes at least", {"payload_changes": ((0.1, 1.0),)}),
+        (r"payload_changes = .*: must have two masses at least", {"payload_changes": ((0.1, None), (0.2, 0.0))}),
         (r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619", {"physics_step": 0.02}),
         (r"sensor_position = 4\.6 m: must be on link 2, > 0 and <= 4\.5 m", {"sensor_position": 4.6}),
         (r"delay = -0\.001: must be .* >= 0\.0 and <= 10\.0 \[s\]", {"delay": -1e-3}),

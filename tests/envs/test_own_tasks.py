@@ -42,6 +42,22 @@ def test_environments_of_a_batch_have_their_own_paths() -> None:
         np.testing.assert_allclose(told["reference"], [info["reference"] for info in expected], atol=1e-12)
 
 
+def test_a_path_that_cannot_be_drawn_leaves_the_episode_as_it_is() -> None:
+    able = [True]
+
+    def drawn(random: np.random.Generator) -> list[tuple[float, float]]:
+        if not able[0]:
+            raise ValueError("no path today")
+        return [*CORNERS]
+
+    env = bare(TRACK, reference="drawn", waypoints=drawn, lap_time=8.0)
+    env.step(np.zeros(2))
+    able[0] = False
+    with pytest.raises(ValueError, match="no path today"):
+        env.reset()
+    assert env.step(np.zeros(2))[4]["time"] == pytest.approx(2.0 * H)
+
+
 def test_functions_that_look_alike_are_two() -> None:
     """The representation of a long array leaves its middle out."""
 

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,6 +42,22 @@ def test_quantities_of_an_episode() -> None:
     given = {"stiffness": 0.7, "payload_mass": 3.0, "damping": 0.3, "delay": 0.05, "noise": 0.1, "actuation_delay": 0.0}
     env.reset(options={"parameters": given})
     assert env.episode.parameters == given
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_each_environment_of_a_batch_is_asked(order: int) -> None:
+    """Whether it can start moving, and has a direction; not the first one alone."""
+    fast = [(5.0, 0.0), (5.0, 0.001), (-5.0, 0.001), (-5.0, 0.0)]  # past the shoulder
+    slow = [(4.0, 2.0), (4.0, 3.0), (3.0, 3.0)]
+    paths: list[Any] = [slow, fast][::order]
+    envs = vector(
+        "FlexArm/Track-v0", 2, reference="waypoints", start="corner", lap_time=0.05, per_env={"waypoints": paths}
+    )
+    with pytest.raises(ValueError, match="start = 'moving'"):
+        envs.reset(options={"start": "moving"})
+    lanes = {"reference": ["square", "waypoints"][::order], "waypoints": [None, slow][::order]}
+    with pytest.raises(ValueError, match="direction"):
+        vector("FlexArm/Track-v0", 2, per_env=lanes).reset(options={"direction": "clockwise"})
 
 
 test_a_bad_reset_option_is_refused_and_nothing_moves = refused(

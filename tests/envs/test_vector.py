@@ -35,6 +35,7 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
     alone = several_singles(env_id, 3, mode, **options)
     assert_same(together.reset(seed=3), alone.reset(seed=3))
     assert_same(together.reset(seed=[4, 2**40, 9]), alone.reset(seed=[4, 2**40, 9]))
+    assert together.np_random_seed == alone.np_random_seed == (4, 2**40, 9)
     assert_same(together.reset(), alone.reset())  # goes on with the generators it has
     ended = np.zeros(2, dtype=int)
     for k, actions in enumerate(actions_for(together, 250)):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_baselines.lqg import LQG, QUICK
-from flexarm_baselines.optimal import GOOD, Plan, lap_square, load_plan, plan_names
+from flexarm_baselines.optimal import GOOD, Plan, lap_problem, lap_square, load_plan, plan_names
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.physics.paths import PATHS
 from scripts.common.markdown import shown_blocks
@@ -18,7 +18,7 @@ from scripts.control.robust import FOUND, Design, decay, decays, nominal_task, p
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 from scripts.optimise.race import PERIOD, Race
 from scripts.optimise.score import score
-from scripts.optimise.search import sequences
+from scripts.optimise.search import _earlier, sequences
 from scripts.optimise.tables import TABLES, parts, plan_name, published
 from scripts.optimise.tracks import TRACKS
 from tests.support.programs import run_study
@@ -49,6 +49,21 @@ def test_changed_laps_are_as_fast_and_blended_corners_are_followed_smoothly() ->
 @pytest.mark.parametrize("path", PATHS)
 def test_names_of_plans_tell_arm_path_and_lap(path: str) -> None:
     assert parts(plan_name("default", path, "swing")) == ("default", path, "swing")
+
+
+def test_a_plan_of_another_problem_is_not_reused(tmp_path: Path) -> None:
+    plan = load_plan("linear_plain")
+    plan.save(tmp_path / "plan.npz")
+    problem = lap_problem(plan.arm, "plain")
+    assert _earlier(tmp_path / "plan.npz", problem, {}) is not None
+    others = (
+        {"limits": (75.0, 25.0)},
+        {"reference": problem.reference + 1e-3},
+        {"period": 0.02},
+    )
+    for other in others:
+        assert _earlier(tmp_path / "plan.npz", replace(problem, **other), {}) is None
+    assert _earlier(tmp_path / "plan.npz", problem, {"deflection_limit": 0.1}) is None
 
 
 @pytest.mark.slow
