@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -19,20 +19,8 @@ UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
 LOST = "lost"
 UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
-# Entries that the page of the field's usual answers compares.
-FIELD = (
-    "lqg",
-    "lqg_imu",
-    "hinf",
-    "shaped",
-    "shaped_gauges",
-    "computed_torque",
-    "computed_torque_dob",
-    "nmpc",
-    "nmpc_deflection",
-    "safety_filter",
-)
-SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown")
+# Entries of the short table.
+SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown", "agent unknown")
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -130,11 +118,11 @@ def ranking(board: Board, narrow: bool = False) -> str:
     return table(head, lines)
 
 
-def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
+def short_ranking(board: Board) -> str:
     """Write a few entries of the ranking in one line each: unknown arms, and the errors of the nominal laps."""
     lines = []
     for entry in ranked(board):
-        if entry["name"] in names:
+        if entry["name"] in SHORT:
             errors = nominal_errors(entry)
             cells = [LOST if one is None else millimetres(one["rms"]) for one in errors.values()]
             lines.append([title(entry), *unknown_cells(entry), *cells])
@@ -271,7 +259,7 @@ def tables(board: Board) -> dict[str, str]:
     if "nominal" in names:
         writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
         if "unknown" in names and board["rows"]:
-            writers |= {"short_ranking": short_ranking, "field_ranking": partial(short_ranking, names=FIELD)}
+            writers["short_ranking"] = short_ranking
     writers |= {f"axis_{name}": partial(axis, name) for name in names if name != "nominal" and not COLUMNS[name].sample}
     for name, write in writers.items():
         found[name] = write(board)

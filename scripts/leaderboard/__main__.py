@@ -33,7 +33,7 @@ PICTURES = {
 MOST_ENTRIES = 10  # of a column's table on the page, the best ones; the data have all
 TIMES = "times.json"
 PAGE = "leaderboard.md"
-SHOWN = (PAGE, "field_entries.md", "../README.md")  # pages with its tables
+SHOWN = (PAGE, "../README.md")  # pages with its tables
 
 
 def update_docs(folder: Path) -> None:
@@ -42,7 +42,7 @@ def update_docs(folder: Path) -> None:
     target.mkdir(parents=True, exist_ok=True)
     tables = kept_tables(folder)
     for name in tables:
-        if name == "nominal" or name.startswith("axis_"):
+        if name in ("nominal", "robustness") or name.startswith("axis_"):
             tables[name] = "".join(tables[name].splitlines(keepends=True)[: 2 + MOST_ENTRIES])
     for name, text in PICTURES.items():
         tables[f"picture_{Path(name).stem}"] = f"![{text}](figures/leaderboard/{name})\n"
