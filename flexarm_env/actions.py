@@ -174,7 +174,8 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
         limit: value of the action 1; one for all channels or one each, as `Settings.action_limit`.
 
     Returns:
-        ``limit action``, or where the action -1 stands for 0, `gain_from_action`. Shape of ``action``.
+        ``limit action``, or where the action -1 stands for 0, `gain_from_action`. Shape of ``action``. A race's third
+        number below 0 is returned as it is, and stands for standstill.
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return gain_from_action(action, limit)

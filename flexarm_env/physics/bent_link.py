@@ -64,7 +64,7 @@ def bent(at: PointShape, q: Vector) -> DeformedPoint:
 
 
 def velocity_acceleration(at: PointShape, point: DeformedPoint, rates: Vector, turn: Any) -> tuple[Any, Any]:
-    """Return the acceleration of a place towards the root, and to the side that no link bends to, at v' = 0.
+    """Return the acceleration of a place at v' = 0, against the root tangent and against its normal [m/s^2].
 
     Args:
         at: the place.

@@ -55,7 +55,7 @@ def unit_damping(parameters: ArmParameters) -> UnitDamping:
 
 
 def link_damping(parameters: ArmParameters, link: LinkModes) -> Array:
-    """Return the damping of the shapes of a link, the diagonal of D [N s/m]. Shape (m,)."""
+    """Return the damping of the shapes of a link, the diagonal of D [N m s]. Shape (m,)."""
     if parameters.damping_model == "material":
         return material_time(parameters) * link.stiffness
     return 2.0 * clamped_ratio(parameters) * link.frequencies * np.diag(link.mass)

@@ -88,7 +88,7 @@ class Mount(NamedTuple):
     Attributes:
         link: 1 or 2.
         point: of the link.
-        slopes: of the link's mode shapes there [1/m].
+        slopes: of the link's mode shapes there [1].
     """
 
     link: int
