@@ -130,5 +130,18 @@ AGENTS: dict[str, Shipped] = {
         seeds=3,
         drawn=False,
     ),
+    "unknown": Shipped(
+        "PPO, random arms (`unknown`)",
+        PPOConfig(
+            environment="FlexArm/SquareUnknown-v0",
+            options={"last_actions": 1},
+            lags=HALF_A_SECOND,
+            privileged_critic=True,
+            evaluate_every=500_000,
+            evaluation_laps=6,
+        ),
+        seeds=7,
+        drawn=False,
+    ),
     "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=3, drawn=False),
 }
