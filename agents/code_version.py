@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,19 +17,21 @@ from typing import Any
 PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
 # Data that a module reads from its package.
 DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz", "flexarm_baselines.lqg.race": "plans/races/*.npz"}
+# The same with the shipped policies, each of which an entry of the board names by itself.
+WITH_POLICIES = {**DATA, "flexarm_agents.policies.load": "policies/*.npz"}
 
 
-def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:
+def code_version(modules: Iterable[str], without: Collection[str] = (), data: Mapping[str, str] = DATA) -> str:
     """Return a hash of modules, of all that they import, and of the data that these read."""
-    return _version(tuple(modules), frozenset(without))
+    return _version(tuple(modules), frozenset(without), tuple(sorted(data.items())))
 
 
 @lru_cache
-def _version(modules: tuple[str, ...], without: frozenset[str]) -> str:
+def _version(modules: tuple[str, ...], without: frozenset[str], data: tuple[tuple[str, str], ...]) -> str:
     digest = hashlib.sha256()
     for name in sorted(_closure(modules, without)):
         digest.update(f"{name} {_source_hash(name)}\n".encode())
-        for path in _data(name):
+        for path in _data(name, dict(data)):
             digest.update(f"{path.name} {file_hash(path)}\n".encode())
     return digest.hexdigest()[:32]
 
@@ -124,8 +126,8 @@ def _written(node: Any) -> str:
     return f"[{','.join(map(_written, node))}]" if isinstance(node, list) else repr(node)
 
 
-def _data(name: str) -> list[Path]:
-    if name not in DATA:
+def _data(name: str, data: Mapping[str, str]) -> list[Path]:
+    if name not in data:
         return []
     top = _path(name.partition(".")[0]).parent
-    return sorted(top.glob(DATA[name]))
+    return sorted(top.glob(data[name]))

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from flexarm_agents.code_version import code_version
+from flexarm_agents.code_version import WITH_POLICIES, code_version
 from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import Processes
 from flexarm_env.validation import choice, integer
@@ -62,7 +62,7 @@ class Trials:
 
     def __call__(self, folder: Path, jobs: int) -> dict[str, Any]:
         """Return the results of all trials, by label; run those that the folder has not."""
-        path, code = folder / "results.json", code_version([self.module])
+        path, code = folder / "results.json", code_version([self.module], data=WITH_POLICIES)
         kept = json.loads(path.read_text()) if path.is_file() else {}
         found = kept["results"] if kept.get("code") == code else {}
         trials = self.trials()

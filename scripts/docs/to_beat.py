@@ -46,7 +46,14 @@ BY_ID: Mapping[str, OnBoard] = {
     "SquareUnknown-v0": OnBoard(
         "unknown",
         (UNKNOWN,),
-        ("nmpc_state", "agent student_unknown", "agent student_unknown_stamped", "lqg_adaptive", "lqg"),
+        (
+            "nmpc_state",
+            "agent student_unknown",
+            "agent student_unknown_stamped",
+            "agent unknown",
+            "lqg_adaptive",
+            "lqg",
+        ),
     ),
     "SquareDelayEasy-v0": OnBoard(
         "nominal",

@@ -102,6 +102,12 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
     assert version(plain) != first
 
 
+def test_a_study_goes_stale_with_the_policies_that_it_loads() -> None:
+    loading, others = "flexarm_agents.policies.load", "flexarm_env.physics.paths"
+    changed = [code_version([name]) != code_version([name], data=WITH_POLICIES) for name in (loading, others)]
+    assert changed == [True, False]
+
+
 def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:
     row, point = Entry(AGENT), Point(0.0)
     one = Cell.of(row, point)
