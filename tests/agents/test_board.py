@@ -14,7 +14,7 @@ from flexarm_agents.board.columns import COLUMNS, DRAWN, Point
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
-from flexarm_agents.code_version import DATA, code_version
+from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
 from flexarm_agents.environments import INTERFACE
 from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
@@ -78,7 +78,7 @@ def test_the_code_of_a_cell_is_that_of_the_simulation() -> None:
 def test_what_has_no_part_is_there() -> None:
     for name in (*WITHOUT_PART, *DATA):
         assert versions._is_module(name), name
-    assert sorted(PLANS.glob("*.npz")) == versions._data("flexarm_baselines.optimal.plan")
+    assert sorted(PLANS.glob("*.npz")) == versions._data("flexarm_baselines.optimal.plan", DATA)
 
 
 def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
