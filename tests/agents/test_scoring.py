@@ -148,6 +148,7 @@ GOALS: dict[str, dict[str, tuple[float, float]]] = {
     "student_unknown": {"swing": (0.15, 0.13), "plain": (0.13, 0.13)},  # the worst of several plants
     "student_unknown_stamped": {"swing": (0.15, 0.13), "plain": (0.13, 0.13)},
     "universal": {"swing": (0.2, 0.1), "plain": (0.2, 0.1)},
+    "unknown": {"swing": (0.12, 0.1), "plain": (0.1, 0.1)},
 }
 
 
