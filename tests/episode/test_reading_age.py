@@ -22,7 +22,9 @@ STILL: dict[str, Any] = {
     "delay": 0.03,
     "second_sensor_link": 1,
     "imu_link": 2,
-    "observation": [name for name, block in BLOCKS.items() if block.reads not in PRIVILEGED],
+    "observation": [
+        name for name, block in BLOCKS.items() if block.reads not in PRIVILEGED and "torque_rate" in block.modes
+    ],
 }
 
 

@@ -92,7 +92,7 @@ def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 16])
 def test_observations_of_any_length(count: int) -> None:
     """Eight numbers of eight lanes are written at once: fewer, just as many, and some more."""
-    blocks = ["inner_gain"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
+    blocks = ["time"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
     options = {"observation": blocks, **({"last_actions": count // 2} if count > 1 else {})}
     assert envs.bare(**options).observation_space.shape == (count,)
     same_as_alone(SQUARE, 8, options, 40)
