@@ -68,7 +68,10 @@ class DAggerConfig(RunConfig):
             raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")
         own = {"start", *(("reference", "waypoints", "lap_time") if self.drawn_paths else ())}
         for name in own & self.curriculum_options.keys():
-            raise ValueError(f"curriculum_options[{name!r}]: must be left out, since the teacher's plans decide it")
+            raise ValueError(
+                f"curriculum_options[{name!r}] = {shown(self.curriculum_options[name])}: must be left out, since the "
+                "teacher's plans decide it"
+            )
         if self.drawn_paths and self.plants != type(self).plants:
             raise ValueError(f"plants = {self.plants}: must be left out with drawn_paths, which have own arms")
 

@@ -2,9 +2,8 @@
 
 A disturbance that plays against the controller has a budget; gamma is the least ratio of cost to budget that the
 controller can guarantee. At the optimum the estimate is pulled towards states that cost more, and both Riccati
-recursions have a term in 1 / gamma^2. With an infinite gamma it is LQG. Source: Whittle, *Risk-sensitive optimal
-control*, 1990, chapters 7 and 8, and Basar and Bernhard, *H-infinity-optimal control and related minimax design
-problems*, 1995, chapters 3 and 6 (the finite horizon in discrete time; the two Riccati recursions and their coupling).
+recursions have a term in 1 / gamma^2. With an infinite gamma it is LQG. Sources: Whittle, *Risk-sensitive optimal
+control*, 1990, chapters 7, 8; Basar and Bernhard, *H-infinity-optimal control*, 1995, chapters 3, 6 (discrete time).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """`ContouringIteration`: `RealTimeIteration` of a race, with the progress along the plan as an input.
 
-A prediction has, beside states and torques, the plan's instants: real numbers that grow by the *pace* in each control
-period. The pace is an input like the torques. A period costs the square of the tip's distance from where the plan's
-reference is at its instant, more beyond `ROOM`, and pays `price` for each of the plan's periods that it gains. What
-follows the horizon is the cost-to-go along the plan, about its state at the prediction's last instant.
+A prediction has, beside states and torques, the plan's instants, which grow by the *pace* in each control period. The
+pace is an input like the torques. A period costs the square of the tip's distance from the plan's reference at its
+instant, more beyond `ROOM`, and pays `price` for each of the plan's periods that it gains. What follows the horizon is
+the cost-to-go along the plan, about its state at the prediction's last instant.
 
 Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari,
 *Optimization-based autonomous racing of 1:43 scale RC cars*, Optimal Control Applications and Methods 36, 2015; Diehl,

@@ -68,7 +68,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**LATER, "curriculum_steps": 512}, r"curriculum_steps = 512: must .*, and be < steps = 512"),
         ({**LATER, "curriculum_steps": 0}, r"curriculum_steps = 0: must be an integer >= 1"),
         ({**TINY, "curriculum_options": {"last_actions": 2}}, r"curriculum_options = .*: must leave observ"),
-        ({**DAGGER, "curriculum_options": {"start": "corners"}}, r"curriculum_options\['start'\]: must be left out"),
+        ({**DAGGER, "curriculum_options": {"start": "corners"}}, r"curriculum_options\['start'\] = 'corners': must be"),
         ({**DAGGER, "drawn_paths": 2, "plants": [2, 2]}, r"plants = \(2, 2\): must be left out with drawn_paths"),
         ({**TINY, "curriculum_options": WEAK}, r"curriculum_options = .*: must leave observation and act"),
         ({**OBSERVED, "initial_policy": "square"}, r"'square', observer = 'nominal': the network behind an"),
