@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from importlib import import_module
 
 from flexarm_agents.commands import VERBS
@@ -14,8 +14,7 @@ from flexarm_agents.training.config import ALGORITHMS
 from scripts.common.command_line import run
 from scripts.common.markdown import fill_pages, table
 
-SHARED = 4  # algorithms that have an option which the page explains
-DEFAULT = re.compile(r" \(default: (.*)\)$")
+BRIEF = 14  # words of a meaning that is left to the help
 
 
 def text() -> str:
@@ -26,7 +25,7 @@ def text() -> str:
         reader = import_module(f"flexarm_agents.commands.{name}").parser()
         parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
         parts.append(algorithms() if verb == "train" else options_table(reader, seen))
-    return "\n".join(parts)
+    return "\n".join(filter(None, parts))
 
 
 def about(reader: Reader) -> str:
@@ -35,56 +34,32 @@ def about(reader: Reader) -> str:
 
 
 def options_table(reader: Reader, seen: dict[tuple[str, str], str]) -> str:
-    """Write a command's options; of those that an earlier one has with the same meaning, the names."""
-    new, old = split(reader, seen)
-    return (table(("option", "meaning"), new) if new else "") + (f"\n{old.strip()}\n" if old else "")
-
-
-def split(reader: Reader, seen: dict[tuple[str, str], str]) -> tuple[list[tuple[str, str]], str]:
-    """Return a command's new rows, which come into `seen`, and a sentence with the names of the others."""
-    rows = list(options(reader))
-    old: dict[str, list[str]] = {}
-    for row in rows:
-        if row in seen:
-            old.setdefault(seen[row], []).append(row[0])
-    new = [row for row in rows if row not in seen]
-    seen.update(dict.fromkeys(new, reader.prog))
-    return new, "".join(f" As for `{prog}`: {', '.join(names)}." for prog, names in old.items())
+    """Write a command's options: in full what is long to say and new, by their names the others."""
+    rows: list[tuple[str, str]] = []
+    named: dict[str, list[str]] = {"": []}  # by the command that has them first
+    for flags, meaning in options(reader):
+        name = re.sub(r" [^`]+`", "`", flags)
+        first = seen.setdefault((name, meaning), reader.prog)
+        if first == reader.prog and len(meaning.split()) > BRIEF:
+            rows.append((flags, meaning))
+        else:
+            named.setdefault("" if first == reader.prog else f"as for `{first}`: ", []).append(name)
+    names = "; ".join(f"{start}{', '.join(several)}" for start, several in named.items() if several)
+    texts = (table(("option", "meaning"), rows) if rows else "", f"{'Also' if rows else 'Takes'} {names}.\n")
+    return "\n".join(texts[not rows :]) if names or rows else ""
 
 
 def algorithms() -> str:
-    """Write the options of `flexarm train` that most algorithms have, with the defaults where they differ."""
-    found: dict[str, dict[str, tuple[str, str]]] = {}
+    """Name the options of `flexarm train`, by the algorithms that have them."""
+    found: dict[str, list[str]] = {}
     for name in ALGORITHMS:
-        for flags, meaning in options(training(name)):
-            default = DEFAULT.search(meaning)
-            found.setdefault(flags, {})[name] = DEFAULT.sub("", meaning), default[1] if default else ""
-    shown = {f"{flags}{_of(of)}": of for flags, of in found.items() if len(of) >= SHARED}
-    rows = [
-        [flags, *(by_algorithm([one[at] for one in of.values()], of) for at in (0, 1))] for flags, of in shown.items()
-    ]
-    return table(("option", "meaning", "default"), rows) + "\n".join(("", *_own(found), ""))
-
-
-def _own(found: Mapping[str, Collection[str]]) -> Iterator[str]:
-    """Name the options of one algorithm or two, whose meanings its help prints."""
-    for name in ALGORITHMS:
-        flags = [
-            re.sub(r"[`,].*", "", one[1:]).split()[0] for one, of in found.items() if name in of and len(of) < SHARED
-        ]
-        yield f"- `{name}` also has {', '.join(f'`{flag}`' for flag in flags)}."
-
-
-def _of(names: Collection[str]) -> str:
-    return "" if len(names) == len(ALGORITHMS) else f" *({', '.join(names)})*"
-
-
-def by_algorithm(texts: list[str], names: Iterable[str]) -> str:
-    """Write the texts of those algorithms that have an option: one alone if all have the same."""
-    of: dict[str, list[str]] = {}
-    for text, name in zip(texts, names, strict=True):
-        of.setdefault(text, []).append(name)
-    return texts[0] if len(of) == 1 else "; ".join(f"*{', '.join(of[one])}*: {one.rstrip('.')}" for one in of if one)
+        for flags, _ in options(training(name)):
+            found.setdefault(", ".join(re.findall(r"--[\w-]+", flags)), []).append(name)
+    by_algorithms: dict[str, list[str]] = {}
+    for flags, names in found.items():
+        whose = "all" if len(names) == len(ALGORITHMS) else ", ".join(f"`{name}`" for name in names)
+        by_algorithms.setdefault(whose, []).append(f"`{flags}`")
+    return "".join(f"- {whose}: {', '.join(flags)}.\n" for whose, flags in by_algorithms.items())
 
 
 def options(reader: Reader) -> Iterator[tuple[str, str]]:
