@@ -38,7 +38,6 @@ def everything(
         texts |= {f"sweep_{name}": sweep(rows, name, label) for name, label in labels.items()}
     if decided:
         texts |= {
-            "verdicts": verdicts(decided),
             "verdicts_one_side": one_side(decided),
             "elbow_claim": elbow_claim(found),
             "claims": claims(decided),
@@ -65,29 +64,6 @@ def brief(value: Any) -> str:
 
 def _shown(values: dict[str, Any]) -> str:
     return brief({k: v for k, v in values.items() if k != "under_condition"})
-
-
-def verdicts(rows: Sequence[dict[str, Any]]) -> str:
-    """Tabulate the verdicts at a glance."""
-
-    def cell(r: dict[str, Any], column: str) -> str:
-        if r["holds"][column]:
-            return "holds"
-        conditional = r["condition"] and not r["holds"]["paper"]
-        return "holds under the condition" if conditional and r["values"][column].get("under_condition") else "fails"
-
-    return table(
-        ["claim", "the paper says, in short", "verdict", *TITLES.values()],
-        [
-            [
-                r["id"],
-                r["gist"],
-                f"**{r['verdict']}**" + ("" if r["holds"]["paper"] or not r["condition"] else f" ({r['condition']})"),
-                *(cell(r, c) for c in TITLES),
-            ]
-            for r in rows
-        ],
-    )
 
 
 def one_side(rows: Sequence[dict[str, Any]]) -> str:
@@ -154,12 +130,22 @@ def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
 
 
 def claims(rows: Sequence[dict[str, Any]]) -> str:
-    """Tabulate each claim's sentence, measure and figures on the paper's arm; claims.json has all."""
+    """Tabulate each claim's sentence, verdict, measure and figures on the paper's arm; claims.json has all."""
     body = []
     for r in rows:
         measure = ". ".join(text.rstrip(".") for text in (r["measure"], r["note"]) if text)
-        body.append([r["id"], r["quote"], measure, _shown(r["values"]["paper"])])
-    return table(("claim", "the paper's sentence", "measure", "figures on the paper's arm"), body)
+        body.append([r["id"], r["quote"], _verdict(r), measure, _shown(r["values"]["paper"])])
+    return table(("claim", "the paper's sentence", "verdict", "measure", "figures on the paper's arm"), body)
+
+
+def _verdict(r: dict[str, Any]) -> str:
+    """Write a verdict, its condition, and on which arms the claim fails; if it is not reproduced, on which it holds."""
+    reading = "" if r["holds"]["paper"] else r["condition"]
+    met = [c for c in TITLES if r["holds"][c] or (reading and r["values"][c].get("under_condition"))]
+    word, arms = ("fails", [c for c in TITLES if c not in met]) if "paper" in met else ("holds", met)
+    on = f"{word} on: {'; '.join(TITLES[c] for c in arms)}" if arms else ""
+    details = "; ".join(filter(None, (reading, on)))
+    return f"**{r['verdict']}**" + (f" ({details})" if details else "")
 
 
 def numbers(rows: Sequence[dict[str, Any]]) -> str:

@@ -171,9 +171,9 @@ def test_verdicts_follow_from_the_columns() -> None:
 def test_the_table_of_verdicts_says_where_the_condition_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "TITLES", {"paper": "own arm", "other": "other arm"})
     columns = {"paper": {"under_condition": True}, "other": {"under_condition": False}}
-    row = {"id": "4b", "gist": "g", "verdict": "v", "condition": "c", "holds": dict.fromkeys(columns, False)}
-    text = tables.verdicts([row | {"values": columns}])
-    assert text.splitlines()[-1] == "| 4b | g | **v** (c) | holds under the condition | fails |"
+    row = {"id": "4b", "quote": "q", "verdict": "v", "condition": "c", "measure": "m", "note": "", "values": columns}
+    text = tables.claims([row | {"holds": dict.fromkeys(columns, False)}])
+    assert text.splitlines()[-1] == "| 4b | q | **v** (c; fails on: other arm) | m |  |"
 
 
 def lap(changes: list[float] | None = None, early: bool = False, **figures: object) -> dict[str, object]:
