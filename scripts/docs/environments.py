@@ -12,7 +12,6 @@ from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs import option_types
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.chain_options import ChainOptions
-from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -33,6 +32,12 @@ specification of an id."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
+_SCORE = """\
+The reward trains; the score compares, by a [swing and a plain lap](../concepts.md#the-task) from rest. Report whether
+each was completed, and three distances of the true tip from the target: r.m.s. over the lap, r.m.s. after the first
+2 s, and the maximum. `flexarm_agents.evaluate(env, policy)` computes them, `flexarm_env.rollout.run_policy(env, policy,
+lap="swing")` runs one lap, whose `notes["ended"]` says why it ended, and
+`env.reset(options=flexarm_env.laps.LAPS["swing"].reset_options())` begins one."""
 _START = """\
 The option `start` says how the arm begins an episode. `reset(options={"start": "corner"})` overrides it once, and
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
@@ -100,7 +105,7 @@ def index() -> str:
         "Make one": [_MAKE],
         "Actions": [f"{texts.ACTION}\n[Action modes](options.md#action-modes) has the quantities and formulas."],
         "Observations": [f"{texts.OBSERVATION}\n[Blocks](options.md#blocks-of-observations) lists them."],
-        "Reward and score": [texts.REWARD, doc.reward_table(), texts.SCORE],
+        "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
         "How an episode starts": [_START, doc.start_table()],
         "How it ends": [texts.ENDING, doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
@@ -118,9 +123,8 @@ def index() -> str:
 
 def options_page() -> str:
     """Write the reference of all options."""
-    own = ", ".join(f"`{name}`" for name in PER_ENV)
     sections = {
-        "Options of an environment": [doc.argument_table(), _wrapped(f"`per_env` can vary {own}.")],
+        "Options of an environment": [doc.argument_table()],
         "Arms": [_ARMS, doc.preset_table(), _ARM, doc.declared_table(ArmParameters, "parameter")],
         "Action modes": [doc.action_table()],
         "Blocks of observations": [doc.block_table()],
@@ -137,7 +141,7 @@ def page(name: str, one: Id) -> str:
     different = _chain() if one.options_of else doc.difference_table(one) or same
     different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
     sections = {"What is different from Square-v0": [different], "What to beat": [_paragraphs(to_beat(name))]}
-    top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
+    top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
 
 
@@ -152,17 +156,13 @@ def _chain() -> str:
     return doc.table(("option", "here", "in Square-v0", "meaning"), rows)
 
 
-def _facts(name: str, one: Id) -> str:
+def _facts(one: Id) -> str:
     settings = Settings.of(one.options)
     actions, observations = doc.spaces(settings)
     readings = dict.fromkeys(BLOCKS[block].reads or "" for block in settings.observation)
-    install = f', after `pip install -e ".[{one.extra}]"` in a clone' if one.extra else ""
-    more = f"[terms](../concepts.md), [what all ids share](README.md), `flexarm show {name}`: everything"
-    rows = [
-        ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
-        ("Episode", _timing(one)),
-        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}; {more}'),
-    ]
+    rows = [("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"), ("Episode", _timing(one))]
+    if one.extra:
+        rows.append(("Install", f'`pip install -e ".[{one.extra}]"` in a clone'))
     return doc.table(("Action", f"`{actions}`"), rows)
 
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -116,10 +115,9 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
 
 
 def nominal(cards: Mapping[str, Card]) -> str:
-    """Tabulate the nominal laps beside the best plans known."""
+    """Tabulate the nominal laps, by the best plans known."""
     _, plans = published()
-    best = [(millimetres(plans[lap]["rms"], 1), "1", millimetres(plans[lap]["rms_after_2s"], 1)) for lap in LAPS]
-    lines = [("best plans known", "-", *chain.from_iterable(best), "-")]
+    lines = []
     for text, several in compared(cards):
         laps = {lap: [one["square"][lap] for one in several] for lap in LAPS}
         cells: list[str] = []
