@@ -48,6 +48,7 @@ CAPTIONS = {
     "engine_square": "Errors on the square.",
     "cables_convergence": "Change of the cables' tip by mesh and step.",
     "two_engines_distances": "Distances from both engines.",
+    "plant_damping": "The swing lap of `student_unknown` on the chain, by its damping and the number of its elements.",
     "drift_steps": "Largest change of energy / of angular momentum in ten minutes, worst of all starts.",
     "step_errors": "Tip after a second of random torques, median / largest of 200 motions [mm], by steps in a period.",
     "coriolis_amplitudes": "The paper's forces by amplitude; the larger ones are not checked.",
