@@ -28,7 +28,7 @@ Which environments are there, and what do they share? All simulate a planar arm 
 whose tip should follow a path, and are one class. The ids differ in its options: actions, sensors, what is drawn for
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
-specification of an id."""
+specification of an id, seeds and disturbances included."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
@@ -110,11 +110,9 @@ def index() -> str:
         "How it ends": [texts.ENDING, doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
-        "Seeds": [texts.SEEDS],
         "Frames and units": [texts.FRAMES],
         "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
-        "Disturbances": [texts.DISTURBANCES],
         "Mirror images": [texts.MIRROR],
     }
     ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]
@@ -137,10 +135,10 @@ def options_page() -> str:
 def page(name: str, one: Id) -> str:
     """Write the page of an id; the site appends the specification (`scripts.docs.widgets`)."""
     picture = f"![{NAMESPACE}/{name}]({stem(name)}.webp)\\\n*{PICTURES[name].caption}*"
-    same = "Nothing: the other ids are compared with this one."
-    different = _chain() if one.options_of else doc.difference_table(one) or same
+    different = _chain() if one.options_of else doc.difference_table(one)
     different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
-    sections = {"What is different from Square-v0": [different], "What to beat": [_paragraphs(to_beat(name))]}
+    sections = {"What is different from Square-v0": [different]} if different else {}
+    sections |= {"What to beat": [_paragraphs(to_beat(name))]}
     top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
 
