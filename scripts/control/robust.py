@@ -219,10 +219,10 @@ def figures(result: Mapping[str, Any]) -> dict[str, float]:
 
 
 def robust_table(results: Any) -> str:
-    """Tabulate the last design of each series, all of the last one, and where the search ended."""
+    """Tabulate the last design of each series, of the last one what was found, and where the search ended."""
     lines, between = [], {f"{name} {label}" for name, some in SERIES.items() for label in [*some][:-1]}
     for label, result in results.items():
-        if label != "search" and (label not in between or label.startswith("from")):
+        if label.endswith("100%") or (label not in between and not label.startswith(("search", "from"))):
             one = figures(result)
             median = f"{one['median']:.0f}" if np.isfinite(one["median"]) else "lost"
             row = [label.removesuffix(" 0"), f"{one['decay']:.2f}", f"{one['lost']:.1%}", median]
