@@ -28,7 +28,7 @@ Which environments are there, and what do they share? All simulate a planar arm 
 whose tip should follow a path, and are one class. The ids differ in its options: actions, sensors, what is drawn for
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
-specification of an id, seeds and disturbances included."""
+specification of an id, with seeds, disturbances and the side of the elbow."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
@@ -54,9 +54,8 @@ _ARMS = """\
 names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The plant](../plant.md) gives the reasons for the default,
 [published arms](../how_to/published_arms.md) the sources of the last three."""
 _ARM = """\
-The docstring of `flexarm_env.ArmParameters` explains each parameter. The ranges end far beyond any arm that is built. A
-combination that cannot be simulated (masses too far apart for double precision, a mode so fast that a control period
-takes more than 20 000 integration steps) raises an error with the numbers that decide."""
+The docstring of `flexarm_env.ArmParameters` explains each parameter. A combination that cannot be simulated raises an
+error with the numbers that decide."""
 
 _TERMS = re.compile(r"(\| `reward_\w+` .*\n)+")
 _OF_A_TERM = (
@@ -111,7 +110,6 @@ def index() -> str:
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Frames and units": [texts.FRAMES],
-        "The side of the elbow": [texts.BRANCHES],
         "The late sensor": [texts.LATENESS],
         "Mirror images": [texts.MIRROR],
     }

@@ -37,23 +37,14 @@ UNKNOWN = "0 to 15"  # the first of the ranges of episodes that the column "unkn
 BY_ID: Mapping[str, OnBoard] = {
     "Square-v0": OnBoard("nominal", ("square",), ("plan_lqr", "lqg", "agent student_gauges", "agent square")),
     "SquareGain-v0": OnBoard("nominal", ("square",), ("agent scheduler", "ifdc", "flsac")),
-    "SquareChain-v0": OnBoard(
-        "nominal", ("chain",), ("hinf", "nmpc_adaptive", "lqg_adaptive", "plan_lqr", "agent student_unknown", "shaped")
-    ),
+    "SquareChain-v0": OnBoard("nominal", ("chain",), ("hinf", "lqg_adaptive", "plan_lqr", "agent student_unknown")),
     "SquareEncoders-v0": OnBoard(
         "nominal", ("square",), ("shaped", "computed_torque"), "No learned policy has been measured on these sensors."
     ),
     "SquareUnknown-v0": OnBoard(
         "unknown",
         (UNKNOWN,),
-        (
-            "nmpc_state",
-            "agent student_unknown",
-            "agent student_unknown_stamped",
-            "agent unknown",
-            "lqg_adaptive",
-            "lqg",
-        ),
+        ("nmpc_state", "agent student_unknown_stamped", "agent unknown", "lqg_adaptive"),
     ),
     "SquareDelayEasy-v0": OnBoard(
         "nominal",
@@ -68,7 +59,7 @@ BY_ID: Mapping[str, OnBoard] = {
         "Laps with delays of 0, 10, ..., 60 ms.",
     ),
     "Reach-v0": OnBoard("nominal", ("reach",), ("agent universal", "agent square")),
-    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent universal", "agent square")),
+    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent universal")),
 }
 
 
