@@ -159,8 +159,9 @@ def _mean(points: Sequence[Mapping[str, Any]], key: str) -> float | None:
 def _moves() -> str:
     """Write what the best known plans and the board say of drawn moves."""
     plans = json.loads((PLANS / "moves.json").read_text(encoding="utf-8"))
-    errors = [1e3 * plan["true_tip_rms"] for plan in plans]
+    errors, most = ([1e3 * plan[key] for plan in plans] for key in ("true_tip_rms", "true_tip_max"))
     known = f"The best known plans of seeds 0 to {len(plans) - 1} have {min(errors):.2f} to {max(errors):.2f} mm"
+    known += f" (r.m.s.; {max(most):.1f} mm at most)"
     return (
         f"{known} ([optimal control](../optimal.md)), with the true state and no disturbance. No policy trained on "
         f"this id has been measured. {_of_board(BY_ID['Reach-v0'])}"

@@ -58,15 +58,6 @@ def pace(reports: Reports) -> str:
     return table(("lap time [s]", *(cell for lap in LAPS for cell in (f"{lap} lap [mm]", "largest [mm]"))), rows)
 
 
-def drawn(reports: Reports) -> str:
-    """Write the errors of the best known runs of `FlexArm/Reach-v0` as a sentence."""
-    rms, most = ([1e3 * row[key] for row in reports[DRAWN]] for key in ("true_tip_rms", "true_tip_max"))
-    return (
-        f"The best known runs of its first {len(rms)} seeds err by {min(rms):.2f} to {max(rms):.2f} mm (r.m.s.), "
-        f"at most by {max(most):.1f} mm.\n"
-    )
-
-
 def changed(reports: Reports) -> str:
     """Tabulate what changes make of a corner."""
     rows = [
@@ -109,4 +100,4 @@ def _efforts(row: Mapping[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pace": pace}
+TABLES = {"laps": laps, "corner": changed, "pace": pace}
