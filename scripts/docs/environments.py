@@ -106,7 +106,7 @@ def index() -> str:
         "Observations": [f"{texts.OBSERVATION}\n[Blocks](options.md#blocks-of-observations) lists them."],
         "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
         "How an episode starts": [_START, doc.start_table()],
-        "How it ends": [texts.ENDING, doc.end_table()],
+        "How it ends": [texts.ENDING.partition("\n\n")[0], doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Frames and units": [texts.FRAMES],
