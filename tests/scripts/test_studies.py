@@ -123,8 +123,6 @@ def test_the_page_has_the_slowest_zeros() -> None:
     assert found["zeros"]["locus"]["exact link 1"][0] == pytest.approx(exact)
     for sentence in (
         f"tanh z = 0: {exact:.2f} rad/s",
-        f"1/z of the exact beam is {1e3 / exact:.0f} ms",
-        f"{100.0 * 3.15 / exact:.0f} cm",
         f"at {one['entries'][0]:.2f} m, {100 * one['entries'][0] / 4.5:.0f} % of the link",
     ):
         assert sentence in prose()
@@ -161,11 +159,9 @@ def test_the_page_has_the_margins(linear: dict[str, Any]) -> None:
         next(row for row in linear["rows"] if (row["sensor"], row["delayed"]) == ("end effector", delayed))
         for delayed in margins.DELAYED
     )
-    tip = linear["largest_gains"][0]
     for sentence in (
         f"{1e3 * late['corner']['delay_margin']:.0f} to {1e3 * late['mid-side']['delay_margin']:.0f} ms for IFDC",
         f"{1e3 * rates['corner']['delay_margin']:.2f} to {1e3 * rates['mid-side']['delay_margin']:.2f} ms",
-        f"lambda = {tip['corner']:.3f} on a corner and {tip['mid-side']:.3f} in the middle of a side",
     ):
         assert sentence in prose()
 
