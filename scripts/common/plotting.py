@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib brings it
 from scipy.ndimage import uniform_filter1d
+from scipy.stats import bootstrap, trim_mean
 
 from flexarm_agents.files import put
 
@@ -86,19 +88,22 @@ def number_ticks(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_ticks([], minor=True)
 
 
-def plot_median(axis: Axes, x: Any, several: Any, band: bool = True, **look: Any) -> float:
-    """Draw the median of several errors [m] over x in millimetres, with a band from the best to the worst.
+def plot_interquartile_mean(axis: Axes, x: Any, several: Any, **look: Any) -> float:
+    """Draw the interquartile mean of several errors [m] over x in millimetres, with its interval of 95 %.
 
-    Errors are infinite or None where lost, which leaves gaps. Return where the line ends [mm].
+    The interval is a percentile bootstrap over the trainings (Agarwal et al., NeurIPS 2021). Errors are infinite where
+    lost, which leaves gaps. Return where the line ends [mm].
     """
-    errors = 1e3 * np.array([[np.inf if one is None else one for one in line] for line in several], float)
-    median = np.median(errors, axis=0)
-    axis.plot(x, np.where(np.isfinite(median), median, np.nan), **look)
-    if band:
-        shown = np.isfinite(errors).all(axis=0)
-        low, high = (np.where(shown, end, np.nan) for end in (errors.min(axis=0), errors.max(axis=0)))
-        axis.fill_between(np.asarray(x), low, high, color=look["color"], alpha=0.15, linewidth=0.0)
-    return float(median[np.isfinite(median)][-1]) if np.isfinite(median).any() else axis.get_ylim()[1]
+    errors = 1e3 * np.array(several, float)
+    mean = trim_mean(errors, 0.25, axis=0)
+    axis.plot(x, mean, **look)
+    if len(errors) > 1:
+        with np.errstate(invalid="ignore"):  # between two infinite errors
+            interval = bootstrap((errors,), partial(trim_mean, proportiontocut=0.25), method="percentile", rng=0)
+        low, high = interval.confidence_interval
+        shown = np.isfinite(low) & np.isfinite(high)
+        axis.fill_between(np.asarray(x), low, high, where=shown, color=look["color"], alpha=0.15, linewidth=0.0)
+    return float(mean[np.isfinite(mean)][-1]) if np.isfinite(mean).any() else axis.get_ylim()[1]
 
 
 def running_rms(values: Any, window: int) -> NDArray[np.float64]:

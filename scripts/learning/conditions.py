@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, plain_ticks, plot_median
+from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, plain_ticks
 from scripts.common.study import Study
 from scripts.learning.agents import Agents, committed
 
@@ -79,7 +80,8 @@ def picture(agents: Agents) -> Figure:
         for axis, lap in zip(column, LAPS, strict=True):
             for name, (label, colour, style) in zip(own, LOOKS, strict=True):
                 look = {"label": label, "color": colour, "linestyle": style, "marker": "."}
-                plot_median(axis, DELAYS, [one[lap] for one in agents[name].measured("errors")], band=False, **look)
+                metres = np.array([one[lap] for one in agents[name].measured("errors")], float)
+                axis.plot(DELAYS, 1e3 * np.median(np.nan_to_num(metres, nan=np.inf), axis=0), **look)
             axis.set(title=f"{lap} lap, trained at {trained}", yscale="log", ylim=(15.0, 2000.0))
             plain_ticks(axis.yaxis)
         column[-1].set_xlabel("delay of the sensor [ms]")

@@ -11,7 +11,7 @@ from flexarm_agents.board.terms import best_plans
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_median
+from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_interquartile_mean
 from scripts.common.spreads import millimetres
 from scripts.common.study import Study
 from scripts.learning.agents import FOLDER, Agent, Agents, committed
@@ -77,7 +77,7 @@ def picture(agents: Agents) -> Figure:
         steps = np.array(curves[0]["steps"][:count])
         means = [_best(one, count) for one in curves]
         for axis, x in zip(axes, (1e-3 * steps, 1e-6 * agent.seconds * steps), strict=True):
-            end = plot_median(axis, x, means, marker=".", color=colour)
+            end = plot_interquartile_mean(axis, x, means, marker=".", color=colour)
         ends.append(end)
     for axis, text in zip(axes, ("thousand environment steps", "processor time of one core [s]"), strict=True):
         axis.set(xscale="log", yscale="log", xlabel=text)
@@ -85,7 +85,7 @@ def picture(agents: Agents) -> Figure:
         plain_ticks(axis.yaxis)
     axes[0].set_ylabel("mean error of both laps [mm]")
     label_ends(axes[-1], [*DRAWN.values()], ends)
-    headline(figure, "Best evaluation so far of each method: median, best and worst seed")
+    headline(figure, "Best evaluation so far of each method: interquartile mean of the seeds, interval of 95 %")
     return figure
 
 

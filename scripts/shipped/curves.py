@@ -15,7 +15,7 @@ from flexarm_agents import StandardScore
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
-from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_median, write
+from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_interquartile_mean, write
 from scripts.common.result_files import write_json
 from scripts.common.trainings import Training
 
@@ -44,19 +44,18 @@ def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) 
 
 
 def draw(curves: Curves, path: Path) -> None:
-    """Draw for both laps the median over the seeds, and the range from the best to the worst."""
+    """Draw for both laps the interquartile mean over the seeds, with its interval."""
     figure, axes = plt.subplots(1, len(LAPS), figsize=(WIDTH, 4.2), sharey=True)
     for axis, lap in zip(axes, LAPS, strict=True):
         ends = []
         for (_, seeds), colour in zip(curves.items(), COLOURS, strict=False):
             steps, errors = _aligned(seeds, lap)
-            ends.append(plot_median(axis, 1e-6 * steps, errors, color=colour))
+            ends.append(plot_interquartile_mean(axis, 1e-6 * steps, errors, color=colour))
         axis.set(title=f"{lap} lap", yscale="log", xlabel="million environment steps")
         plain_ticks(axis.yaxis)
     axes[0].set_ylabel("error of the evaluation lap [mm]")
     label_ends(axes[-1], list(zip(curves, COLOURS, strict=False)), ends)
-    count = min(map(len, curves.values()))
-    headline(figure, f"Learning curves of the shipped agents: median, and best to worst, of {count} trainings")
+    headline(figure, "Learning curves of the shipped agents: interquartile mean of the seeds, interval of 95 %")
     write(figure, path)
 
 
