@@ -28,7 +28,7 @@ Which environments are there, and what do they share? All simulate a planar arm 
 whose tip should follow a path, and are one class. The ids differ in its options: actions, sensors, what is drawn for
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
-specification of an id, with seeds, disturbances and the side of the elbow."""
+specification of an id, with disturbances and the side of the elbow."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
@@ -107,6 +107,7 @@ def index() -> str:
         "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
         "How an episode starts": [_START, doc.start_table()],
         "How it ends": [texts.ENDING.partition("\n\n")[0], doc.end_table()],
+        "Seeds": [texts.SEEDS],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Frames and units": [texts.FRAMES],
@@ -137,7 +138,7 @@ def page(name: str, one: Id) -> str:
     different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
     sections = {"What is different from Square-v0": [different]} if different else {}
     sections |= {"What to beat": [_paragraphs(to_beat(name))]}
-    top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(one)]
+    top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
 
 
@@ -152,13 +153,16 @@ def _chain() -> str:
     return doc.table(("option", "here", "in Square-v0", "meaning"), rows)
 
 
-def _facts(one: Id) -> str:
+def _facts(name: str, one: Id) -> str:
     settings = Settings.of(one.options)
     actions, observations = doc.spaces(settings)
     readings = dict.fromkeys(BLOCKS[block].reads or "" for block in settings.observation)
-    rows = [("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"), ("Episode", _timing(one))]
-    if one.extra:
-        rows.append(("Install", f'`pip install -e ".[{one.extra}]"` in a clone'))
+    install = f', after `pip install -e ".[{one.extra}]"` in a clone' if one.extra else ""
+    rows = [
+        ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
+        ("Episode", _timing(one)),
+        ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}'),
+    ]
     return doc.table(("Action", f"`{actions}`"), rows)
 
 

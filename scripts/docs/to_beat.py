@@ -44,7 +44,7 @@ BY_ID: Mapping[str, OnBoard] = {
     "SquareUnknown-v0": OnBoard(
         "unknown",
         (UNKNOWN,),
-        ("nmpc_state", "agent student_unknown_stamped", "agent unknown", "lqg_adaptive"),
+        ("nmpc_state", "agent student_unknown", "agent student_unknown_stamped", "agent unknown", "lqg_adaptive"),
     ),
     "SquareDelayEasy-v0": OnBoard(
         "nominal",
