@@ -101,9 +101,9 @@ AGENTS: dict[str, Shipped] = {
     ),
     "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP)),
     "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig()),
-    "student_unknown": Shipped("student, random arms (`student_unknown`)", UNKNOWN, seeds=7),
+    "student_unknown": Shipped("student, unknown arms (`student_unknown`)", UNKNOWN, seeds=7),
     "student_unknown_stamped": Shipped(
-        "student, random arms, time stamps (`student_unknown_stamped`)",
+        "student, unknown arms, time stamps (`student_unknown_stamped`)",
         replace(UNKNOWN, options=UNKNOWN.options | {"observation": [*LATE, "reading_age"]}),
         seeds=3,
         drawn=False,
@@ -131,7 +131,7 @@ AGENTS: dict[str, Shipped] = {
         drawn=False,
     ),
     "unknown": Shipped(
-        "PPO, random arms (`unknown`)",
+        "PPO, unknown arms (`unknown`)",
         PPOConfig(
             environment="FlexArm/SquareUnknown-v0",
             options={"last_actions": 1},
