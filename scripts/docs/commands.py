@@ -58,7 +58,7 @@ def algorithms() -> str:
     by_algorithms: dict[str, list[str]] = {}
     for flags, names in found.items():
         whose = "all" if len(names) == len(ALGORITHMS) else ", ".join(f"`{name}`" for name in names)
-        by_algorithms.setdefault(whose, []).append(f"`{flags}`")
+        by_algorithms.setdefault(whose, []).append(f"`{flags}`".replace(", ", "`, `"))
     return "".join(f"- {whose}: {', '.join(flags)}.\n" for whose, flags in by_algorithms.items())
 
 

@@ -28,7 +28,7 @@ Which environments are there, and what do they share? All simulate a planar arm 
 whose tip should follow a path, and are one class. The ids differ in its options: actions, sensors, what is drawn for
 each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
 [Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
-specification of an id, with disturbances and the side of the elbow."""
+specification of an id, with the side of the elbow."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
@@ -49,10 +49,11 @@ _OPTIONS = """\
 Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of
 `FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
 starts and ends."""
+_CODE = '`info["end_code"]` has the code below, and `flexarm_env.end_reason` returns the reason of a code.'
 _ARMS = """\
 `arm="linear"` selects an arm by its name. A mapping changes parameters of the default arm, or of the one that `preset`
-names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The plant](../plant.md) gives the reasons for the default,
-[published arms](../how_to/published_arms.md) the sources of the last three."""
+names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The default arm](../plant.md) gives the
+reasons for the default, [published arms](../how_to/published_arms.md) the sources of the last four."""
 _ARM = """\
 The docstring of `flexarm_env.ArmParameters` explains each parameter. A combination that cannot be simulated raises an
 error with the numbers that decide."""
@@ -102,16 +103,17 @@ def index() -> str:
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
         "Make one": [_MAKE],
-        "Actions": [f"{texts.ACTION}\n[Action modes](options.md#action-modes) has the quantities and formulas."],
-        "Observations": [f"{texts.OBSERVATION}\n[Blocks](options.md#blocks-of-observations) lists them."],
+        "Actions": [_wrapped(f"{texts.ACTION} [Action modes](options.md#action-modes) has the quantities and formulas.")],
+        "Observations": [_wrapped(f"{texts.OBSERVATION} [Blocks](options.md#blocks-of-observations) lists them.")],
         "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
         "How an episode starts": [_START, doc.start_table()],
-        "How it ends": [texts.ENDING.partition("\n\n")[0], doc.end_table()],
+        "How it ends": [_wrapped(" ".join((texts.ENDING.partition("\n\n")[0], _CODE))), doc.end_table()],
         "Seeds": [texts.SEEDS],
-        "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
+        "Infos": [_wrapped(f"{texts.INFO} [Keys](options.md#keys-of-infos) lists them."), texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Frames and units": [texts.FRAMES],
         "The late sensor": [texts.LATENESS],
+        "Disturbances": [texts.DISTURBANCES],
         "Mirror images": [texts.MIRROR],
     }
     ids = [(f"[`{NAMESPACE}/{name}`]({stem(name)}.md)", one.summary) for name, one in IDS.items()]

@@ -99,6 +99,7 @@ def best(name: str) -> str:
         lost, count = _losses(laps)
         figures = " / ".join("lost" if one is None else f"{1e3 * one:.1f}" for one in errors)
         parts.append(f"`{row['name']}` {figures} mm{f' ({lost} of {count} laps lost)' * (lost > 0)}")
+    titles = f"[{titles}](../concepts.md#the-task)" if "lap" in titles else titles
     return f"Best so far, {titles}: {', '.join(parts)}."
 
 
@@ -246,7 +247,7 @@ _BEST: Mapping[str, str] = {
 _RESIDUAL = """\
 No entry of the board uses this action. Medians of ten seeds, swing lap / plain lap, r.m.s. over the lap, none lost: PPO
 with 500,000 steps 297 / 115 mm, SAC with 200,000 steps 288 / 109 mm, TQC with 200,000 steps 269 / 174 mm
-([log](../developers/log.md))."""
+([log](../developers/log.md#what-learning-adds-to-a-classical-law))."""
 _OTHERS: Mapping[str, Callable[[], str]] = {
     "SquareResidual-v0": lambda: _RESIDUAL,
     "SquareDelayHard-v0": lambda: _NOT_YET,
