@@ -49,6 +49,7 @@ _OPTIONS = """\
 Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of
 `FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
 starts and ends."""
+_KEYS = "[Keys](options.md#keys-of-infos) lists them."
 _CODE = '`info["end_code"]` has the code below, and `flexarm_env.end_reason` returns the reason of a code.'
 _ARMS = """\
 `arm="linear"` selects an arm by its name. A mapping changes parameters of the default arm, or of the one that `preset`
@@ -103,13 +104,13 @@ def index() -> str:
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
         "Make one": [_MAKE],
-        "Actions": [_wrapped(f"{texts.ACTION} [Action modes](options.md#action-modes) has the quantities and formulas.")],
-        "Observations": [_wrapped(f"{texts.OBSERVATION} [Blocks](options.md#blocks-of-observations) lists them.")],
+        "Actions": [_wrapped(texts.ACTION, "[Action modes](options.md#action-modes) has the quantities and formulas.")],
+        "Observations": [_wrapped(texts.OBSERVATION, "[Blocks](options.md#blocks-of-observations) lists them.")],
         "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
         "How an episode starts": [_START, doc.start_table()],
-        "How it ends": [_wrapped(" ".join((texts.ENDING.partition("\n\n")[0], _CODE))), doc.end_table()],
+        "How it ends": [_wrapped(texts.ENDING.partition("\n\n")[0], _CODE), doc.end_table()],
         "Seeds": [texts.SEEDS],
-        "Infos": [_wrapped(f"{texts.INFO} [Keys](options.md#keys-of-infos) lists them."), texts.EPISODE, doc.episode_table()],
+        "Infos": [_wrapped(texts.INFO, _KEYS), texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],
         "Frames and units": [texts.FRAMES],
         "The late sensor": [texts.LATENESS],
@@ -179,8 +180,8 @@ def _paragraphs(text: str) -> str:
     return "\n\n".join(part if part.startswith("|") else _wrapped(part) for part in text.split("\n\n"))
 
 
-def _wrapped(text: str) -> str:
-    return textwrap.fill(" ".join(text.split()), WIDTH, break_long_words=False, break_on_hyphens=False)
+def _wrapped(*parts: str) -> str:
+    return textwrap.fill(" ".join(" ".join(parts).split()), WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def _assembled(title: str, top: list[str], sections: dict[str, list[str]], mark: str = "") -> str:
