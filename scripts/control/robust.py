@@ -219,16 +219,15 @@ def figures(result: Mapping[str, Any]) -> dict[str, float]:
 
 
 def robust_table(results: Any) -> str:
-    """Tabulate the last design of each series, of the last one what was found, and where the search ended."""
+    """Tabulate the last design of each series, of the last one what was found."""
     lines, between = [], {f"{name} {label}" for name, some in SERIES.items() for label in [*some][:-1]}
     for label, result in results.items():
         if label.endswith("100%") or (label not in between and not label.startswith(("search", "from"))):
             one = figures(result)
             median = f"{one['median']:.0f}" if np.isfinite(one["median"]) else "lost"
-            row = [label.removesuffix(" 0"), f"{one['decay']:.2f}", f"{one['lost']:.1%}", median]
+            name = "found" if label.endswith("100%") else label.removesuffix(" 0")
+            row = [name, f"{one['decay']:.2f}", f"{one['lost']:.1%}", median]
             lines.append([*row, f"{one['nominal']:.2f}"])
-    numbers = " / ".join(f"{value:.3g}" for value in results["search"].values())
-    lines.append([f"the search's own end: {numbers.rpartition(' / ')[0]}", numbers.rpartition(" / ")[2], "", "", ""])
     head = ["design", "slowest decay [1/s]", "unknown arms: lost", "median [mm]", "default arm [mm]"]
     return table(head, lines)
 
