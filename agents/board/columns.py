@@ -222,15 +222,12 @@ COLUMNS: dict[str, Column] = {
 
 
 def phases(columns: Mapping[str, Column]) -> list[dict[str, Column]]:
-    """Return what is computed one after the other: the headline with a first part of its sample, all of it, the rest.
+    """Return what is computed one after the other: the first point of the headline's columns, all of them, the rest.
 
     Whoever waits has a first page soon.
     """
     headline = {name: column for name, column in columns.items() if column.headline}
-    first = {
-        name: replace(column, points=column.points[:1]) if column.sample else column
-        for name, column in headline.items()
-    }
+    first = {name: replace(column, points=column.points[:1]) for name, column in headline.items()}
     found: list[dict[str, Column]] = []
     for some in (first, headline, dict(columns)):
         if some and some not in found:
