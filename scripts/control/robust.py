@@ -219,15 +219,17 @@ def figures(result: Mapping[str, Any]) -> dict[str, float]:
 
 
 def robust_table(results: Any) -> str:
-    """Tabulate the last design of each series, of the last one what was found."""
-    lines, between = [], {f"{name} {label}" for name, some in SERIES.items() for label in [*some][:-1]}
-    for label, result in results.items():
-        if label.endswith("100%") or (label not in between and not label.startswith(("search", "from"))):
-            one = figures(result)
-            median = f"{one['median']:.0f}" if np.isfinite(one["median"]) else "lost"
-            name = "found" if label.endswith("100%") else label.removesuffix(" 0")
-            row = [name, f"{one['decay']:.2f}", f"{one['lost']:.1%}", median]
-            lines.append([*row, f"{one['nominal']:.2f}"])
+    """Tabulate the last design of each series, what was found and what ships, and where the search ends."""
+    *last, _ = (f"{name} {[*some][-1]}" for name, some in SERIES.items())  # the last one goes on beyond what is found
+    shown = {label.removesuffix(" 0"): label for label in last}
+    shown |= {"found": "from quick to found 100%", "shipped": "shipped"}
+    lines = []
+    for name, label in shown.items():
+        one = figures(results[label])
+        median = f"{one['median']:.0f}" if np.isfinite(one["median"]) else "lost"
+        lines.append([name, f"{one['decay']:.2f}", f"{one['lost']:.1%}", median, f"{one['nominal']:.2f}"])
+    *numbers, slowest = (f"{value:.3g}" for value in results["search"].values())
+    lines.append([f"the search's end: {' / '.join(numbers)}", slowest, "-", "-", "-"])
     head = ["design", "slowest decay [1/s]", "unknown arms: lost", "median [mm]", "default arm [mm]"]
     return table(head, lines)
 

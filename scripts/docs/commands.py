@@ -36,17 +36,18 @@ def about(reader: Reader) -> str:
 def options_table(reader: Reader, seen: dict[tuple[str, str], str]) -> str:
     """Write a command's options: in full what is long to say and new, by their names the others."""
     rows: list[tuple[str, str]] = []
-    named: dict[str, list[str]] = {"": []}  # by the command that has them first
+    named: dict[str, list[str]] = {reader.prog: []}  # by the command that has them first
     for flags, meaning in options(reader):
         name = re.sub(r" [^`]+`", "`", flags)
         first = seen.setdefault((name, meaning), reader.prog)
         if first == reader.prog and len(meaning.split()) > BRIEF:
             rows.append((flags, meaning))
         else:
-            named.setdefault("" if first == reader.prog else f"as for `{first}`: ", []).append(name)
-    names = "; ".join(f"{start}{', '.join(several)}" for start, several in named.items() if several)
-    texts = (table(("option", "meaning"), rows) if rows else "", f"{'Also' if rows else 'Takes'} {names}.\n")
-    return "\n".join(texts[not rows :]) if names or rows else ""
+            named.setdefault(first, []).append(name)
+    starts = {first: "" if first == reader.prog else f"as for `{first}`: " for first in named}
+    names = "; ".join(starts[first] + ", ".join(several) for first, several in named.items() if several)
+    parts = [table(("option", "meaning"), rows)] if rows else []
+    return "\n".join([*parts, f"{'Also' if rows else 'Takes'} {names}.\n"] if names else parts)
 
 
 def algorithms() -> str:
@@ -54,11 +55,12 @@ def algorithms() -> str:
     found: dict[str, list[str]] = {}
     for name in ALGORITHMS:
         for flags, _ in options(training(name)):
-            found.setdefault(", ".join(re.findall(r"--[\w-]+", flags)), []).append(name)
+            for flag in re.findall(r"--[\w-]+", flags):
+                found.setdefault(flag, []).append(name)
     by_algorithms: dict[str, list[str]] = {}
-    for flags, names in found.items():
+    for flag, names in found.items():
         whose = "all" if len(names) == len(ALGORITHMS) else ", ".join(f"`{name}`" for name in names)
-        by_algorithms.setdefault(whose, []).append(f"`{flags}`".replace(", ", "`, `"))
+        by_algorithms.setdefault(whose, []).append(f"`{flag}`")
     return "".join(f"- {whose}: {', '.join(flags)}.\n" for whose, flags in by_algorithms.items())
 
 

@@ -32,12 +32,6 @@ specification of an id, with the side of the elbow."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""
-_SCORE = """\
-The reward trains; the score compares, by a [swing and a plain lap](../concepts.md#the-task) from rest. Report whether
-each was completed, and three distances of the true tip from the target: r.m.s. over the lap, r.m.s. after the first
-2 s, and the maximum. `flexarm_agents.evaluate(env, policy)` computes them, `flexarm_env.rollout.run_policy(env, policy,
-lap="swing")` runs one lap, whose `notes["ended"]` says why it ended, and
-`env.reset(options=flexarm_env.laps.LAPS["swing"].reset_options())` begins one."""
 _START = """\
 The option `start` says how the arm begins an episode. `reset(options={"start": "corner"})` overrides it once, and
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
@@ -50,7 +44,6 @@ Which options does an environment have? Each is an argument of `make` and `make_
 `FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
 starts and ends."""
 _KEYS = "[Keys](options.md#keys-of-infos) lists them."
-_CODE = '`info["end_code"]` has the code below, and `flexarm_env.end_reason` returns the reason of a code.'
 _ARMS = """\
 `arm="linear"` selects an arm by its name. A mapping changes parameters of the default arm, or of the one that `preset`
 names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The default arm](../plant.md) gives the
@@ -106,9 +99,9 @@ def index() -> str:
         "Make one": [_MAKE],
         "Actions": [_wrapped(texts.ACTION, "[Action modes](options.md#action-modes) has the quantities and formulas.")],
         "Observations": [_wrapped(texts.OBSERVATION, "[Blocks](options.md#blocks-of-observations) lists them.")],
-        "Reward and score": [texts.REWARD, doc.reward_table(), _SCORE],
+        "Reward and score": [texts.REWARD, doc.reward_table(), texts.SCORE],
         "How an episode starts": [_START, doc.start_table()],
-        "How it ends": [_wrapped(texts.ENDING.partition("\n\n")[0], _CODE), doc.end_table()],
+        "How it ends": [texts.ENDING, doc.end_table()],
         "Seeds": [texts.SEEDS],
         "Infos": [_wrapped(texts.INFO, _KEYS), texts.EPISODE, doc.episode_table()],
         "Make a batch": [_BATCH, doc.parameter_table(vector)],

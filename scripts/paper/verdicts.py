@@ -42,7 +42,7 @@ def decide(
         decided, condition = verdict(claim, findings, titles)
         gains = _constant_gains(claim, table, differences, sweep) if claim.fuzzy else {}
         rows.append(
-            {name: getattr(claim, name) for name in ("id", "gist", "quote", "measure")}
+            {name: getattr(claim, name) for name in ("id", "quote", "measure")}
             | {
                 "values": {name: finding.values for name, finding in findings.items()},
                 "verdict": decided,

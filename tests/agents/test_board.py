@@ -10,7 +10,7 @@ import pytest
 from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
-from flexarm_agents.board.columns import COLUMNS, DRAWN, Point
+from flexarm_agents.board.columns import COLUMNS, DRAWN, Point, phases
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
@@ -64,6 +64,13 @@ class Quits:
 
 
 # --- what a key is made of -------------------------------------------------------------------------------------
+
+
+def test_a_first_page_needs_a_point_of_each_column_that_ranks() -> None:
+    first, headline, whole = phases(COLUMNS)
+    assert {name: len(column.points) for name, column in first.items()} == {"nominal": 1, "unknown": 1}
+    assert headline == {name: COLUMNS[name] for name in first}
+    assert whole == COLUMNS
 
 
 def test_the_code_of_a_cell_is_that_of_the_simulation() -> None:
