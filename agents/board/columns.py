@@ -15,11 +15,11 @@ from flexarm_env.parameters import ArmParameters
 
 SEEDS = 2  # episodes of each lap where something is random
 DRAWN = 256  # episodes on unknown arms
+PART = 16  # of these, in one cell
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
 LOADS = {"randomisation": IDS["Carry-v0"].options["randomisation"]}
 CARRIED = 16  # episodes of each lap of the tasks "carry" and "race"
 PULSES = (5.0, 10.0, 20.0, 40.0)  # largest components of a force of 0.1 s [N]
-PART = 16  # of them, in one cell
 PACE = 0.1  # error that a lap stays below [m]; the shortest such lap is the *pace*
 
 
