@@ -73,7 +73,7 @@ class TorqueController(ABC):
 
     Attributes:
         blocks: names of the observation's blocks that it reads, in order.
-        knows: its inputs beside the observation, as `flexarm_env.envs.blocks.READINGS` calls it.
+        knows: its inputs beside the observation, as `flexarm_env.envs.blocks.INFORMATION` calls it.
         task: see `Task`.
     """
 

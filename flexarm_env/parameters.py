@@ -109,7 +109,7 @@ class ArmParameters:
     stribeck_velocity: float = declared(0.5, Number(1e-6, 1e3, "rad/s"))
     friction_smoothing: float = declared(0.1, Number(1e-6, 1e3, "rad/s"))
     velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
-    mode_scale: float = declared(0.1, Number(1e-3, 1e3))
+    mode_scale: float = declared(0.1, Number(1e-3, 1e3, "m"))
     kinematics: Kinematics = declared("foreshortened", OneOf(get_args(Kinematics)))
     mode_shapes: ModeShapes = declared("polynomial", OneOf(get_args(ModeShapes)))
     elbow_housing_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
@@ -163,6 +163,11 @@ class ArmParameters:
     def reach(self) -> float:
         """Distance from the shoulder to the tip of the straight arm [m]."""
         return self.link_lengths[0] + self.link_lengths[1]
+
+    @property
+    def inner_reach(self) -> float:
+        """Distance from the shoulder to the tip of the folded arm [m]."""
+        return abs(self.link_lengths[0] - self.link_lengths[1])
 
 
 PRESETS: dict[str, Preset] = {

@@ -185,7 +185,7 @@ COLUMNS: dict[str, Column] = {
         bound=PACE,
     ),
     "pace_unknown": Column(
-        "Lap time, unknown plant, errors below 100 mm",
+        "Lap time, unknown arms, errors below 100 mm",
         "s",
         tuple(_hurried(x) for x in LAP_TIMES[-4:]),
         LAP_TIMES[-1],
@@ -213,11 +213,11 @@ COLUMNS: dict[str, Column] = {
     "race": Column(
         "Race",
         "",
-        (Point("nominal", task="race"), Point("unknown plant", UNKNOWN_PLANT, task="race", seeds=range(CARRIED))),
+        (Point("nominal", task="race"), Point("unknown arms", UNKNOWN_PLANT, task="race", seeds=range(CARRIED))),
         "nominal",
     ),
     "disturbances": Column("Disturbances", "", (Point("none"), *_disturbances()), "none"),
-    "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True, headline=True),
+    "unknown": Column("Unknown arms", "", tuple(_unknown()), sample=True, headline=True),
 }
 
 

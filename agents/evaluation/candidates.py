@@ -13,7 +13,7 @@ import gymnasium
 from flexarm_agents.environments import INTERFACE, check_id, import_from_here, make_one
 from flexarm_agents.policies.load import check_fits, load_policy
 from flexarm_baselines.registry import controller
-from flexarm_env.envs.blocks import PRIVILEGED, READINGS
+from flexarm_env.envs.blocks import INFORMATION, PRIVILEGED
 from flexarm_env.envs.observation import readings_of
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import shown
@@ -38,13 +38,13 @@ class Candidate(NamedTuple):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """What it may learn of arm and task, in the order of `READINGS`: what it observes, and the policy's `knows`."""
+        """What it may learn of arm and task, ordered as `INFORMATION`: what it observes, and the policy's `knows`."""
         named = tuple(getattr(self.policy, "knows", ()))
         for name in named:
-            if name not in READINGS:
-                raise ValueError(f"policy {self.name}: knows = {named}: must be names of {', '.join(READINGS)}")
+            if name not in INFORMATION:
+                raise ValueError(f"policy {self.name}: knows = {named}: must be names of {', '.join(INFORMATION)}")
         found = {*named, *readings_of(self.env.unwrapped.settings)}  # type: ignore[attr-defined]
-        return tuple(name for name in READINGS if name in found)
+        return tuple(name for name in INFORMATION if name in found)
 
     @property
     def privileged(self) -> bool:

@@ -78,7 +78,7 @@ class Observer(Encoder):
         if self.kind == "nominal":
             kalman = KalmanFilter(arm, period, delay, settings.sensor_position, controller.QUICK)
         else:
-            known = adaptive.QUANTITIES["delay"]
+            known = adaptive.ESTIMATED["delay"]
             deviation, drift = {"delay": known.deviation}, {"delay": known.drift}
             position, noise = settings.sensor_position, adaptive.NOISE
             kalman = KalmanFilter(arm, period, delay, position, noise, deviation, drift)

@@ -46,13 +46,13 @@ class Unknown(NamedTuple):
     most: float
 
 
-QUANTITIES = {
+ESTIMATED = {
     "payload_mass": Unknown(0.4, 0.2, 0.0, 1.1),  # [kg]
     "stiffness": Unknown(0.15, 0.1, 0.75, 1.35),
     "damping": Unknown(0.003, 0.1, 0.001, 0.03),
     "delay": Unknown(0.02, 0.1, 0.0, 0.08),  # [s]
 }
-STAMPED = QUANTITIES | {"delay": QUANTITIES["delay"]._replace(deviation=1e-4)}  # with time stamps
+STAMPED = ESTIMATED | {"delay": ESTIMATED["delay"]._replace(deviation=1e-4)}  # with time stamps
 LATENESS = Unknown(3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
@@ -118,7 +118,7 @@ class AdaptiveLQG(LQG):
         regulator: likewise.
     """
 
-    quantities: ClassVar[Mapping[str, Unknown]] = QUANTITIES
+    quantities: ClassVar[Mapping[str, Unknown]] = ESTIMATED
 
     def __init__(
         self,
@@ -162,10 +162,10 @@ class AdaptiveLQG(LQG):
             regulators.append(RegulatorTables.along(node_plans, problems, late / task.period))
         self.filter, self.regulator = joined(filters), joined(regulators)
         size = 2 * arm.size
-        self._quantities = slice(size, size + len(QUANTITIES))
+        self._quantities = slice(size, size + len(ESTIMATED))
         self._of_the_arm = size + len(OF_THE_ARM)
-        self._least, self._most = np.array([(one.least, one.most) for one in QUANTITIES.values()]).T
-        self._most[list(QUANTITIES).index("payload_mass")] = max(payloads) + 0.1
+        self._least, self._most = np.array([(one.least, one.most) for one in ESTIMATED.values()]).T
+        self._most[list(ESTIMATED).index("payload_mass")] = max(payloads) + 0.1
 
     def start(self, seen: Seen) -> Memory:
         """Begin on the nearest plan, with all hypotheses."""
@@ -254,7 +254,7 @@ class StampedLQG(AdaptiveLQG):
 
     def _told(self, seen: Seen, memory: Memory) -> Memory:
         """Put the latest reading's age in the place of the estimated delay, in all hypotheses."""
-        estimate, column = memory[0].copy(), list(QUANTITIES).index("delay")
+        estimate, column = memory[0].copy(), list(ESTIMATED).index("delay")
         delay = seen["reading_age"].clip(self._least[column], self._most[column])
         estimate[..., self._quantities.start + column] = delay
         return (estimate, *memory[1:])

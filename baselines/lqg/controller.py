@@ -29,7 +29,7 @@ from flexarm_env.validation import choice, number
 QUICK = NoiseModel(
     joint_angle=3e-4, joint_rate=0.1, tip=0.01, gauge=0.02, gauge_rate=3.0, torque=(10.0, 4.0), modal_force=1e-3
 )
-# Of all that were compared, what lets deviations from the plan decay fastest on the slowest of the published arms
+# Of all that were compared, what lets deviations from the plan decay fastest on the slowest arm of `SquareUnknown-v0`
 # (`python -m scripts.control --only lqg_robust` searches; docs/lqg.md).
 NOISE = replace(QUICK, joint_angle=0.028, joint_rate=9.0)
 WEIGHTS = RegulatorWeights(speed=0.05, torque=(8.0, 2.7))

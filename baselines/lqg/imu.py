@@ -25,7 +25,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 IMU = ("accelerometer", "gyro")
 SENSOR = (0.05, 0.002)  # standard deviations of the sensor's own noise [m/s^2], [rad/s]
 # Standard deviations that the filter assumes, along and across the tangent [m/s^2], and of the gyro [rad/s]. Those of
-# the accelerometer are the spread of its readings over the published arms in equal states under equal torques along the
+# the accelerometer are the spread of its readings over the unknown arms in equal states under equal torques along the
 # plans; the gyro sees the vibrations that the encoders' rates see, and is trusted as they are.
 TRUST = (6.0, 34.0, NOISE.joint_rate)
 DIFFERENCE = 1e-5  # of states and torques, for central differences

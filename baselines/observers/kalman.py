@@ -27,7 +27,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
 
 OF_THE_ARM = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
-QUANTITIES = (*OF_THE_ARM, "delay")
+ESTIMABLE = (*OF_THE_ARM, "delay")
 # An estimate stays within, wherever a plant that differs in more than these would drive it.
 RANGES = {"payload_mass": (0.0, 1.5), "stiffness": (0.7, 1.4), "damping": (0.0, 0.1), "delay": (0.0, 0.15)}
 SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
@@ -121,8 +121,8 @@ class KalmanFilter:
         self.sensor_position = sensor_position
         given = dict(quantities or {})
         for name in given:
-            choice("quantities", name, QUANTITIES)
-        self.quantities = tuple(name for name in QUANTITIES if name in given)
+            choice("quantities", name, ESTIMABLE)
+        self.quantities = tuple(name for name in ESTIMABLE if name in given)
         self._start_deviations = [number(f"quantities[{name!r}]", given[name], above=0.0) for name in self.quantities]
         shares = dict(drift) if isinstance(drift, Mapping) else dict.fromkeys(self.quantities, drift)
         wandering = [number(f"drift of {name}", shares.get(name, 0.0), least=0.0) for name in self.quantities]

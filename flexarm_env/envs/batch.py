@@ -175,9 +175,9 @@ class BatchSimulator(LaneBatch):
         What a path's function raises is raised before anything changes.
         """
         usual, drawing = reset_requests is self.usual_requests, not self.draws.nothing
-        rows = self._reset_requests[which]  # the memory holds the usual requests until others are written
-        if new := drawing or not (usual and self._usual):
-            rows = self.draws.completed(reset_requests[which], keys, which)
+        # the memory holds the usual requests until others are written
+        new = drawing or not (usual and self._usual)
+        rows = self.draws.completed(reset_requests[which], keys, which) if new else self._reset_requests[which]
         if self.settings.path_rows:
             each, width = zip(rows, which.tolist(), keys.tolist(), strict=True), self._paths.shape[1]
             self._paths[which] = [self.draws.path(row, i, key, width) for row, i, key in each]
@@ -187,7 +187,7 @@ class BatchSimulator(LaneBatch):
             if self.draws.further:
                 self._put_constants(which)
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
-            self._header[word.READINGS] = ALL_READINGS
+            self._header[word.KEPT_READINGS] = ALL_READINGS
 
     def _put_constants(self, which: NDArray[np.int64]) -> None:
         """Give environments that begin an episode the constants that follow from what it draws."""

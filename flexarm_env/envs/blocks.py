@@ -33,7 +33,7 @@ from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 # What a policy may learn of the arm and its task beyond the clock, the reference of this instant and its own actions.
 ENCODERS, STRAIN_GAUGES, PREVIEW, TIME_STAMPS = "encoders", "strain gauges", "preview", "time stamps"
 PLANT, TRUE_STATE, EPISODE = "plant parameters", "true state", "episode parameters"
-READINGS = {
+INFORMATION = {
     ENCODERS: "angles and rates of the joints",
     **{sensor.reads: f"the {sensor.title}, late" for sensor in SENSORS},
     TIME_STAMPS: "when the latest reading of the sensor on link 2 was taken, whose delay may be drawn",
@@ -58,7 +58,7 @@ class Block:
         limits: function that returns scales and bounds.
         mirror: signs of its numbers in the mirrored episode, repeated over the block (`sensors.VECTOR`);
             None: the action's signs.
-        reads: what it tells, one of `READINGS`; None: the clock, the present reference, or the agent's own actions.
+        reads: what it tells, one of `INFORMATION`; None: the clock, the present reference, or the agent's own actions.
         count: number of its numbers, as text with m modes a link.
         modes: action modes that have it.
     """

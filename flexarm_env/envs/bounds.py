@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_env.envs.choices import MOVE_RING, REACH
+from flexarm_env.envs.choices import REACH, move_ring
 from flexarm_env.envs.corners import worst
 from flexarm_env.envs.own_paths import largest_speed
 from flexarm_env.envs.sensors import LINK_2, Sensor, mounting
@@ -56,7 +56,8 @@ def reach_of(settings: Settings) -> Workspace:
         speed = max(float((np.linalg.norm(move[:, 1:], axis=1) / move[:, 0]).max()) for move in moves)
         speed *= settings.reference_speed if settings.mode.races else 1.0  # tables by distance have directions
     else:
-        radius = (MOVE_RING[1] if settings.reference == ("moves",) else 1.0) * settings.flexible_arm.parameters.reach
+        arm = settings.flexible_arm.parameters
+        radius = move_ring(arm)[1] if settings.reference == ("moves",) else arm.reach
         speed = largest_speed(settings)
     return Workspace(radius, speed)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from flexarm_env.episode.reset import SHARE_AT_REST
+from flexarm_env.parameters import ArmParameters
 
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
@@ -17,7 +18,6 @@ STARTS = {
 # [m]; scales in m and m/s, and the spread of starts, are for an arm of this reach, and in proportion for others
 REACH = 9.0
 MOVE_POINTS = 800  # sides of the polyline that approximates a move there and back
-MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
 DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
 DEFAULT_OBSERVATION = (
     "elbow_direction",
@@ -34,3 +34,12 @@ DEFAULT_OBSERVATION = (
     "previews",
     "last_actions",
 )
+
+
+def move_ring(arm: ArmParameters) -> tuple[float, float]:
+    """Return between which distances from the shoulder the ends of drawn moves lie [m].
+
+    0.05 of the reachable ring's width away from its edges, and beyond 0.35 of the reach.
+    """
+    outer = 0.05 * arm.inner_reach + 0.95 * arm.reach
+    return max(0.35 * arm.reach, arm.inner_reach + arm.reach - outer), outer

@@ -179,8 +179,9 @@ def _refuse_contradictions(settings: Any) -> None:
 
 def _refuse_same_payloads(settings: Any) -> None:
     masses = {mass for _, mass in settings.payload_changes} - {None}
-    own = settings.range_of("payload_mass") if (None in dict(settings.payload_changes).values()) else ()
-    if len(masses.union(own)) < 2:
+    if None in dict(settings.payload_changes).values():
+        masses |= set(settings.range_of("payload_mass"))
+    if len(masses) < 2:
         raise ValueError(f"payload_changes = {settings.payload_changes}: must have two masses at least [kg]")
 
 

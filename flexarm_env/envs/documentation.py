@@ -64,6 +64,7 @@ def sections(one: Id | None = None) -> dict[str, str]:
         "Frames and units": texts.FRAMES,
         "The side of the elbow": texts.BRANCHES,
         "The late sensor": texts.LATENESS,
+        "Disturbances": texts.DISTURBANCES,
         "Mirror images": texts.MIRROR,
         "Reward": f"{texts.REWARD}\n\n{reward_table(settings)}",
         **({} if settings and not settings.paths else {"Score": texts.SCORE}),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING, STARTS
+from flexarm_env.envs.choices import MOVE_POINTS, STARTS, move_ring
 from flexarm_env.envs.corners import ends
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.own_paths import first_rows
@@ -132,7 +132,7 @@ def header_and_settings(
     whole = {
         "KEPT_ACTIONS": kept,
         "COMMANDS": 2 * _previews(settings) + settings.mode.accumulates * kept * len(settings.action_limit),
-        "READINGS": kept_readings(kinds),
+        "KEPT_READINGS": kept_readings(kinds),
         **_whole_numbers(settings),
     }
     header = np.zeros(word.PLACES + len(observed.rows), dtype=np.int64)
@@ -182,7 +182,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
         "LENGTHS": p.link_lengths,
         "START_SPREAD": s.start_spread,
-        "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
+        "MOVES": move_ring(p),
         "CHANGE_PHASES": [phase for phase, _ in s.payload_changes or ()],
         "CHANGE_MASSES": [NAN if mass is None else mass for _, mass in s.payload_changes or ()],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in list(TERMS)[: program.reward_terms]],

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.blocks import BLOCKS, ENCODERS, READINGS
+from flexarm_env.envs.blocks import BLOCKS, ENCODERS, INFORMATION
 from flexarm_env.envs.bounds import reach_of
 from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.corners import worst
@@ -31,7 +31,7 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
         settings: settings of the environment.
 
     Returns:
-        Names in `READINGS`, in its order.
+        Names in `INFORMATION`, in its order.
     """
     found = {BLOCKS[choice("observation", name, BLOCKS)].reads for name in settings.observation}
     law = settings.mode.law
@@ -39,7 +39,7 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
         found.add(ENCODERS)
     if law == "tip" and settings.feedback_source == "sensor":
         found.add(LINK_2.reads)
-    return tuple(name for name in READINGS if name in found)
+    return tuple(name for name in INFORMATION if name in found)
 
 
 def sensors_of(settings: Settings) -> tuple[tuple[str, int], ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.parameters import SquareParameters
-from flexarm_env.physics.paths import FARTHEST, PATHS, ReferencePath, subdivided, way_points, with_velocities
+from flexarm_env.physics.paths import FARTHEST, PATHS, ReferencePath, missed_by, subdivided, way_points, with_velocities
 from flexarm_env.validation import choice, finite_array, names, real_array, shown
 from flexarm_env.way_points import MOST, sampled
 
@@ -151,10 +151,13 @@ def moved(settings: Any, table: Array, now: Array, given: tuple[Any, Any, Any]) 
 
 def _stop(sides: Array, settings: Any) -> Array:
     """Return the sides after the last ones, on which targets rest where these leave the reach. Shape (n, 5)."""
-    at, velocity = sides[:, 1:3], sides[:, 3:]
-    speed, along = np.sum(velocity**2, axis=1), np.sum(at * velocity, axis=1)
-    room = np.maximum(settings.flexible_arm.parameters.reach**2 - np.sum(at**2, axis=1), 0.0)
-    left = (np.sqrt(along**2 + speed * room) - along) / np.maximum(speed, 1e-300)
+    arm, at, velocity = settings.flexible_arm.parameters, sides[:, 1:3], sides[:, 3:]
+    speed, along, squared = np.sum(velocity**2, axis=1), np.sum(at * velocity, axis=1), np.sum(at**2, axis=1)
+    room = np.maximum(arm.reach**2 - squared, 0.0)
+    left = np.sqrt(along**2 + speed * room) - along
+    inside = along**2 - speed * np.maximum(squared - arm.inner_reach**2, 0.0)  # positive: the line meets the hole
+    enters = (along < 0.0) & (inside > 0.0)
+    left = np.where(enters, -along - np.sqrt(np.maximum(inside, 0.0)), left) / np.maximum(speed, 1e-300)
     left = np.minimum(np.where(speed > 0.0, left, FAR), 0.25 * FAR)[:, None]
     return np.hstack([sides[:, :1] + left, at + left * velocity, np.zeros_like(at)])
 
@@ -189,6 +192,6 @@ def _check_speed(label: str, velocities: Array, settings: Any) -> None:
 
 def _check_within(label: str, points: Array, settings: Any) -> None:
     arm, distances = settings.flexible_arm.parameters, np.linalg.norm(points, axis=-1)
-    least = abs(arm.link_lengths[0] - arm.link_lengths[1])
-    if not np.all((distances >= least) & (distances <= arm.reach)):
-        raise ValueError(f"{label}: must be {least:.4g} to {arm.reach:.4g} m from the shoulder, got {shown(distances)}")
+    if np.any(missed_by(arm, distances)):
+        within = f"{arm.inner_reach:.4g} to {arm.reach:.4g} m"
+        raise ValueError(f"{label}: must be {within} from the shoulder, got {shown(distances)}")

@@ -56,9 +56,8 @@ def reset_requests_of(
     reset_requests = usual.copy()
     if "start" in asked:
         names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], simulator)]
-        for one, name in {
-            (id(one), name): (one, name) for one, name in zip(simulator.each, names, strict=True)
-        }.values():
+        different = {(id(one), name): one for one, name in zip(simulator.each, names, strict=True)}
+        for (_, name), one in different.items():
             check_moving_start(one, name)
         reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:

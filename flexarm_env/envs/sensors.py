@@ -49,7 +49,7 @@ class Sensor:
     Attributes:
         name: that its options begin with.
         words: what it is called, with its article.
-        reads: what a policy learns from it, a name in `blocks.READINGS`.
+        reads: what a policy learns from it, a name in `blocks.INFORMATION`.
         quantity: what it measures (`sensing.QUANTITIES_AT_A_POINT`).
         parts: of a reading, in its order.
         error: of a position: the reference's point at the time of the reading, minus the reading.

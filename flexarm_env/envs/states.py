@@ -112,7 +112,7 @@ class States:
         block, lane = np.divmod(rows, self._lanes)
         states = np.empty((len(rows), self.size), dtype=np.uint64)
         states[:, _STAMP] = self._stamp
-        states[:, _READINGS] = views.header[word.READINGS : word.READINGS + 1].view(np.uint64)
+        states[:, _READINGS] = views.header[word.KEPT_READINGS : word.KEPT_READINGS + 1].view(np.uint64)
         states[:, GENERATOR] = generators
         for place, part in self._parts:
             states[:, place] = part[block, lane]
@@ -136,7 +136,7 @@ class States:
             What another engine's plant has added to the first of the states. Shape (`beside`,).
         """
         views = self._views
-        views.header[word.READINGS] |= np.bitwise_or.reduce(states[:, _READINGS]).view(np.int64)
+        views.header[word.KEPT_READINGS] |= np.bitwise_or.reduce(states[:, _READINGS]).view(np.int64)
         history = states[:, self._history].view(np.float64).reshape(len(states), *views.histories.shape[1:3])
         observed = states[:, self._observed].copy().view(np.float32)
         views.observations[rows] = observed[:, : views.observations.shape[1]]

@@ -18,7 +18,7 @@ from flexarm_env.episode.race import begin_race
 from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import (
-    QUANTITIES,
+    DRAWN_COUNT,
     READING_ROWS,
     clock_row,
     column,
@@ -47,7 +47,7 @@ PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 def set_quantities(arena: Arena, own: Table, request: ResetRequest, i: int) -> None:
     """Set the quantities of lane i's episode, drawn (`envs.draws`) or its own, and compute the arm's constants."""
-    for n in range(QUANTITIES):
+    for n in range(DRAWN_COUNT):
         value = own[lane_setting.BASE + n]
         if request[column.DRAWN + n] == request[column.DRAWN + n]:
             value = request[column.DRAWN + n]

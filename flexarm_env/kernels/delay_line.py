@@ -39,8 +39,8 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
 
 
 def is_kept(header: Words, done: int) -> bool:
-    """Whether `Header.READINGS` asks for the reading after so many steps of a period, or before it if negative."""
-    return bool((header[word.READINGS] >> (done % header[word.SUBSTEPS] & 63)) & 1)
+    """Whether `Header.KEPT_READINGS` asks for the reading after so many steps of a period, or before it if negative."""
+    return bool((header[word.KEPT_READINGS] >> (done % header[word.SUBSTEPS] & 63)) & 1)
 
 
 def fill_history(block: Block, i: int) -> None:

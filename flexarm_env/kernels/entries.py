@@ -14,7 +14,7 @@ from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 
-STATE_UNIT = "rad, m, rad/s, m/s"
+STATE_UNIT = "rad, 1, rad/s, 1/s"
 CONSTANTS_UNIT = "as in `Constants`"
 FURTHER_SENSORS = frozenset({"further sensors"})  # group of the parts that sensors beside that on link 2 need
 _ENVIRONMENT = ("environment",)
@@ -106,7 +106,7 @@ class Drawn(FixedNames):
 
 drawn = Drawn()
 DRAWN = {part.name.lower(): part.unit for part in Drawn.entries}  # names and units for users
-QUANTITIES = len(DRAWN)
+DRAWN_COUNT = len(DRAWN)
 
 
 class Setting(Names):
@@ -133,7 +133,7 @@ class LaneSetting(Names):
     BRANCH = Entry("sign of theta2 in inverse kinematics; 0: drawn", "1")
     DIRECTION = Entry("of the lap, by its place among `parameters.DIRECTIONS`; -1: drawn", "1")
     SENSOR_DELAYS = Entry("delays of the sensor unless drawn or requested", "s", 2)
-    BASE = Entry("values of the quantities unless requested (`Drawn`)", "as in `Drawn`", QUANTITIES)
+    BASE = Entry("values of the quantities unless requested (`Drawn`)", "as in `Drawn`", DRAWN_COUNT)
     ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
     PER_PAYLOAD = Entry("their change with the payload", CONSTANTS_UNIT + ", per kg", _constants)
     PER_DAMPING = Entry("their change with the damping ratio", CONSTANTS_UNIT, _constants)
@@ -150,7 +150,7 @@ class Constant(Names):
 
     ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "1")
     ELBOW_SLOPES = Entry("their slopes", "1/m")
-    STIFFNESS_1 = Entry("first of all modal stiffnesses", "N/m")
+    STIFFNESS_1 = Entry("first of all modal stiffnesses", "N m")
     DAMPING_1 = Entry("first number after them: damping of the modes", "N s/m")
 
 
@@ -175,7 +175,7 @@ class Header(FixedNames):
     COMMANDS = Entry("place in an arena's tail of the newest command: an action, or what the actions add up to", "1")
     OBSERVED = Entry("numbers of an observation", "1")
     SHIFTING = Entry("1 where the action shifts the aim of the joint-space law", "1")
-    READINGS = Entry("bits: after which steps of a period a reading is kept; bit 0: at its end", "1")
+    KEPT_READINGS = Entry("bits: after which steps of a period a reading is kept; bit 0: at its end", "1")
     DRIVING = Entry("0 where episodes begin and no time passes", "1")
     HEADER_WORDS = Entry("of this table", "1")
     SETTING_NUMBERS = Entry("of the settings", "1")
@@ -230,7 +230,7 @@ class Column(FixedNames):
     PATH = Entry("which of the named paths", "1")
     BRANCH = Entry("see `LaneSetting`", "1")
     DIRECTION = Entry("see `LaneSetting`", "1")
-    DRAWN = Entry("quantities of the episode (`Drawn`)", "as in `Drawn`", QUANTITIES)
+    DRAWN = Entry("quantities of the episode (`Drawn`)", "as in `Drawn`", DRAWN_COUNT)
     STATE = Entry("initial public state", STATE_UNIT, 0)
 
 

@@ -15,7 +15,7 @@ from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import law_kernel
 from flexarm_env.kernels.reference import cache_segment, invalidate_segment, on_segment
-from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
+from flexarm_env.kernels.tableau import EXPLICIT, IMEX_STAGES, IMPLICIT, NODES
 from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.polyline import chord_at
 
@@ -95,10 +95,10 @@ def loop_step(block: Block, h: float) -> None:
     """Advance the closed loop of every lane of a block by one step."""
     arena, history, clock = block.arena, block.history, block.clock
     prepare_commands(block, h)
-    for stage in range(STAGES):
+    for stage in range(IMEX_STAGES):
         prepare_readings(block, h, NODES[stage])
         law_kernel(arena, h, h * NODES[stage], EXPLICIT[stage], IMPLICIT[stage])
-        if stage + 1 < STAGES:
+        if stage + 1 < IMEX_STAGES:
             store_stage(arena, stage + 1)
     for r in range(variant.size):
         for i in range(variant.lanes):
@@ -132,7 +132,7 @@ def start_law(block: Block, h: float) -> None:
         h: step [s].
     """
     arena, started = block.arena, block.started
-    for at in range(STAGES * variant.size):  # an earlier run may have left numbers that are not finite
+    for at in range(IMEX_STAGES * variant.size):  # an earlier run may have left numbers that are not finite
         for i in range(variant.lanes):
             if started[i]:
                 arena[row.V_SLOTS + at, i] = 0.0

@@ -25,8 +25,8 @@ from operator import attrgetter
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, SEGMENT_ROWS, STATE_UNIT, Shape
-from flexarm_env.kernels.tableau import RK4_NODES, STAGES
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, DRAWN_COUNT, FURTHER_SENSORS, SEGMENT_ROWS, STATE_UNIT, Shape
+from flexarm_env.kernels.tableau import IMEX_STAGES, RK4_NODES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
@@ -91,11 +91,11 @@ _OUTPUTS = ("outputs",)
 class Row(Names):
     """Rows of an arena."""
 
-    Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
-    V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
+    Y = Entry("internal coordinates (`dynamics`)", "rad, 1", _size)
+    V = Entry("their rates; they follow the coordinates", "rad/s, 1/s", _size)
     STARTS = Entry("1 where an episode starts, else 0", "1", 1, _ENVIRONMENT)
-    P = Entry("generalised momenta M(y) v, as the latest step left them", "N m s, N s", _size)
-    FORCE = Entry("their rates of change without the motors' part", "N m, N", _size)
+    P = Entry("generalised momenta M(y) v, as the latest step left them", "N m s", _size)
+    FORCE = Entry("their rates of change without the motors' part", "N m", _size)
     CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
     ELIMINATION = Entry(
         "what follows from them (`Elimination`)",
@@ -110,7 +110,7 @@ class Row(Names):
     TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "environment"))
     SENSOR_DISTANCE = Entry("of the point that the law acts on from the elbow", "m", 1, _LAW)
     SENSOR_VALUES = Entry("link 2's mode shapes there", "1", _law("sensor_values"), _LAW)
-    SENSOR_FORESHORTENING = Entry("foreshortening there", "1/m", _law("sensor_foreshortening"), _LAW)
+    SENSOR_FORESHORTENING = Entry("foreshortening there", "m", _law("sensor_foreshortening"), _LAW)
     NOISE = Entry("added to the reading's position", "m", _law("noise"), _LAW)
     COMMAND_1 = Entry("reference position and velocity in the shoulder's torque", "m, m/s", _law("command_1"), _LAW)
     COMMAND_2 = Entry("the same in the elbow's", "m, m/s", _law("command_2"), _LAW)
@@ -123,14 +123,14 @@ class Row(Names):
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
     COMMAND_SEGMENT = Entry("segment of the path for the commands (`entries.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW)
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
-    V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
-    MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
-    FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
+    Y_STAGE = Entry("coordinates of the stage", "rad, 1", _size, ("law", "tangents"))
+    V_STAGE = Entry("rates of the stage", "rad/s, 1/s", _size, ("law", "tangents"))
+    MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, 1/s^2", _size, _LAW)
+    FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, 1/s^2", _size, _LAW)
     TAU = Entry("torques of shoulder and elbow at the present step", "N m", 2)
-    V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, m/s", lambda s: STAGES * s.size, _LAW)
-    MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, m/s^2", lambda s: STAGES * s.size, _LAW)
-    FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", lambda s: STAGES * s.size, _LAW)
+    V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, 1/s", lambda s: IMEX_STAGES * s.size, _LAW)
+    MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, 1/s^2", lambda s: IMEX_STAGES * s.size, _LAW)
+    FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, 1/s^2", lambda s: IMEX_STAGES * s.size, _LAW)
 
     CHANGES = Entry(
         "derivatives of CONSTANTS by each quantity",
@@ -138,7 +138,7 @@ class Row(Names):
         lambda s: len(ARM_QUANTITIES) * s.constants,
         _TANGENTS,
     )
-    FORCE_STAGE = Entry("FORCE of the stage", "N m, N", _size, _TANGENTS)
+    FORCE_STAGE = Entry("FORCE of the stage", "N m", _size, _TANGENTS)
     TOTAL = Entry("weighted sum of the rates of Y and P", "as of V and FORCE", lambda s: 2 * s.size, _TANGENTS)
     SLOPES = Entry(
         "derivatives of the stages (`slope_sizes`)",
@@ -190,13 +190,13 @@ class Row(Names):
     LAP_BEGUN = Entry("when the present lap of a race began, since the episode began", "s", 1, _RACE)
 
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
-    TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
+    TIP_VALUES = Entry("link 2's mode shapes at the tip", "m", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
-    TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _MEASURED)
+    TIP_FORESHORTENING = Entry("foreshortening at the tip", "m", _pairs, _MEASURED)
 
     SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _MEASURED)
-    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _MEASURED)
-    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _MEASURED)
+    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "m", _modes, _MEASURED)
+    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "m", _pairs, _MEASURED)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     NOMINAL_DELAY = Entry("as declared, whatever the episode has", "s", 1, _ENVIRONMENT)
     NOMINAL_HOLD = Entry("HOLD as declared", "s", 1, _ENVIRONMENT)
@@ -220,7 +220,7 @@ class Row(Names):
         _ENVIRONMENT,
     )
     MEASURED_SIDE = Entry("side of the elbow by the encoders, as ELBOW_SIDE", "1", 1, _ENVIRONMENT)
-    PRESENT_JOINT = Entry("as JOINT, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
+    PRESENT_JOINT = Entry("as REFERENCE_JOINTS, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
     LINK_FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     LAP = Entry("time of a lap", "s", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
@@ -239,8 +239,8 @@ class Row(Names):
     SENSOR_ERROR = Entry("reference at that time minus the latest reading", "m", 2, _ENVIRONMENT)
     SENSOR_ERROR_RATE = Entry("its change since the reading before, per second", "m/s", 2, _ENVIRONMENT)
     F_DIRECTIONS = Entry("cosine and sine of theta2, of theta1 (`features`)", "1", 4, _ENVIRONMENT)
-    F_JOINT_ERROR = Entry("JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
-    F_JOINT_ERROR_RATE = Entry("JOINT's rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
+    F_JOINT_ERROR = Entry("REFERENCE_JOINTS' angles minus the measured ones", "rad", 2, _ENVIRONMENT)
+    F_JOINT_ERROR_RATE = Entry("REFERENCE_JOINTS' rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
     F_PRESENT_JOINT_ERROR = Entry("PRESENT_JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
     F_PRESENT_JOINT_ERROR_RATE = Entry("PRESENT_JOINT's rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
     F_ENCODER_ERROR = Entry("reference minus the tip by rigid kinematics, in the frame", "m", 2, _ENVIRONMENT)
@@ -252,9 +252,9 @@ class Row(Names):
     END_TORQUE = Entry("torque of the latest step's last stage under the joint-space law", "N m", 2, _FURTHER)
     FURTHER_LINK = Entry("link of each further sensor", "1", lambda s: len(s.sensors), _FURTHER)
     FURTHER_DISTANCE = Entry("of each further sensor from its link's root", "m", lambda s: len(s.sensors), _FURTHER)
-    FURTHER_VALUES = Entry("its link's mode shapes there", "1", lambda s: len(s.sensors) * s.modes, _FURTHER)
-    FURTHER_SLOPES = Entry("their slopes there", "1/m", lambda s: len(s.sensors) * s.modes, _FURTHER)
-    FURTHER_FORESHORTENING = Entry("foreshortening there", "1/m", lambda s: len(s.sensors) * s.pairs, _FURTHER)
+    FURTHER_VALUES = Entry("its link's mode shapes there", "m", lambda s: len(s.sensors) * s.modes, _FURTHER)
+    FURTHER_SLOPES = Entry("their slopes there", "1", lambda s: len(s.sensors) * s.modes, _FURTHER)
+    FURTHER_FORESHORTENING = Entry("foreshortening there", "m", lambda s: len(s.sensors) * s.pairs, _FURTHER)
     FURTHER_DELAY = Entry("of each number that further sensors read", "s", _readings, _FURTHER)
     FURTHER_NOISE = Entry("standard deviation of its noise", "its unit", _readings, _FURTHER)
     FURTHER_DRAW = Entry("place of its noise among a period's random numbers", "1", _readings, _FURTHER)
@@ -277,7 +277,7 @@ class Row(Names):
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 
     # what describes an episode (EPISODE to BRANCH), then what is reported (`result_sizes`)
-    EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
+    EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", DRAWN_COUNT, _ENVIRONMENT)
     START_TIME = Entry("path time at which the episode started; of a race in m", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _MEASURED)

@@ -10,7 +10,7 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import clip, where_less
 from flexarm_env.control import jacobian_transpose, joint_tracking
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_theta2
-from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
+from flexarm_env.kernels.tableau import GAMMA, IMEX_STAGES, RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import motors, sensing
@@ -173,7 +173,7 @@ def law_record(variant: Variant) -> Recorder:
     y, v_known = r.read("Y"), r.read("V")
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
-    for slot in range(STAGES):
+    for slot in range(IMEX_STAGES):
         explicit, implicit = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
         y = [a + explicit * b for a, b in zip(y, v, strict=True)]

@@ -27,7 +27,7 @@ from flexarm_env.kernels.layout import row, slope_ways
 from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import ArmTable, States, internal_place, load_arms, load_rows, load_states
-from flexarm_env.kernels.step_jacobians import STAGES, stage_angles
+from flexarm_env.kernels.step_jacobians import RK4_STAGES, stage_angles
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
@@ -39,7 +39,7 @@ Gradients = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def trail_rows(size: int, steps: int) -> int:
     """Return how many numbers of a lane some steps leave for the way back: of stages, with `size` coordinates."""
-    return 2 * size * (STAGES * steps + 1)
+    return 2 * size * (RK4_STAGES * steps + 1)
 
 
 # --- recorded ---------------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ def run_gradients(
     """
     arena = lane_rows(arena, variant.lanes)
     trail = lane_rows(trail, variant.lanes)
-    rows = 2 * STAGES * variant.size  # of a step
+    rows = 2 * RK4_STAGES * variant.size  # of a step
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_rows(arena, row.TAU, torques, first)
@@ -222,8 +222,8 @@ def step_back(arena: Arena, stages: LaneRows, h: float) -> None:
             arena[row.STAGE_GRADIENT + r, i] = 0.0
             arena[row.GRADIENT_CHANGE + r, i] = 0.0
     ahead = 0.0
-    for back in range(STAGES):
-        number = STAGES - 1 - back
+    for back in range(RK4_STAGES):
+        number = RK4_STAGES - 1 - back
         begin = 2 * variant.size * number
         stage: LaneRows = stages[begin : begin + 2 * variant.size]
         stage_gradient_kernel(arena, stage, h * RK4_WEIGHTS[number] / 6.0, ahead)

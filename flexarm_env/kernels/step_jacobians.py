@@ -57,8 +57,8 @@ from flexarm_env.physics.constants import ARM_QUANTITIES, Constants, varied_cons
 from flexarm_env.physics.linear_algebra import plus_scaled
 
 Jacobians = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-STAGES = len(RK4_NODES)
-QUANTITIES = len(ARM_QUANTITIES)
+RK4_STAGES = len(RK4_NODES)
+ARM_QUANTITY_COUNT = len(ARM_QUANTITIES)
 
 
 # --- recorded ---------------------------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ def run_tangents(
 def find_slopes(arena: Arena, h: float) -> None:
     """Compute the slopes of all stages of the coming step, and the sum of the stages."""
     first_stage_kernel(arena)
-    for stage in range(STAGES):
+    for stage in range(RK4_STAGES):
         if stage > 0:
             stage_kernel(arena, h * RK4_NODES[stage], RK4_WEIGHTS[stage])
         begin = row.SLOPES + stage * variant.slope_rows
@@ -258,14 +258,14 @@ def begin_columns(arena: Arena) -> None:
 
 def carry_columns(arena: Arena, h: float) -> None:
     """All columns over the coming step."""
-    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + STAGES * variant.slope_rows]
+    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + RK4_STAGES * variant.slope_rows]
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n
         column: LaneRows = arena[begin : begin + 2 * variant.size]
         if n < 2 * variant.size - 1:
             column_kernel(column, slopes, h)
         else:
-            acting: LaneRows = slopes[input_row(n) : STAGES * variant.slope_rows]
+            acting: LaneRows = slopes[input_row(n) : RK4_STAGES * variant.slope_rows]
             input_column_kernel(column, slopes, acting, h)
 
 
@@ -318,7 +318,7 @@ def store_columns(arena: Arena, jacobians: Jacobians, first: int) -> None:
             store_state(arena, i, row.COLUMNS + length * n, by_state[first + i, :, n + 1])
         for n in range(2):
             store_state(arena, i, row.COLUMNS + length * (length - 1 + n), by_torque[first + i, :, n])
-        for n in range(QUANTITIES):
+        for n in range(ARM_QUANTITY_COUNT):
             store_state(arena, i, row.COLUMNS + length * (length + 1 + n), by_quantity[first + i, :, n])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
 # implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
-STAGES = 4
+IMEX_STAGES = 4
 NODES = (0.5, 2.0 / 3.0, 0.5, 1.0)
 GAMMA = 0.5
 EXPLICIT = (

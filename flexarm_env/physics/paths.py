@@ -81,22 +81,34 @@ class ReferencePath:
         corners = self.table[:, 1:]
         distances = np.linalg.norm(corners, axis=1)
         worst = int(np.argmax(distances))
-        miss = float(distances[worst]) - arm.reach
-        if miss > 0.0:
+        if miss := float(missed_by(arm, distances[worst])):
             raise ValueError(
                 f"path: way-point {tuple(map(float, corners[worst]))} m is {distances[worst]:.4g} m from the "
                 f"shoulder; the tip reaches {arm.reach:.4g} m and misses it by {miss:.4g} m"
             )
-        hole = abs(arm.link_lengths[0] - arm.link_lengths[1])
         sides = np.diff(corners, axis=0)
         squared = np.maximum(np.sum(sides**2, axis=1), 1e-300)  # 0 where the reference waits
         along = np.clip(-np.sum(corners[:-1] * sides, axis=1) / squared, 0.0, 1.0)[:, None]
         nearest = float(np.linalg.norm(corners[:-1] + along * sides, axis=1).min())
-        if nearest < hole:
+        if miss := float(missed_by(arm, nearest)):
             raise ValueError(
                 f"path: it passes the shoulder at {nearest:.4g} m; links of {arm.link_lengths} m keep the tip "
-                f"{hole:.4g} m away, which misses it by {hole - nearest:.4g} m"
+                f"{arm.inner_reach:.4g} m away, which misses it by {miss:.4g} m"
             )
+
+
+def missed_by(arm: ArmParameters, distance: ArrayLike) -> Array:
+    """Return by how much the rigid arm's tip misses points; 0 within its reach, to rounding error.
+
+    Args:
+        arm: link lengths.
+        distance: of the points from the shoulder [m]. Shape (...).
+
+    Returns:
+        [m]. Shape (...).
+    """
+    miss = np.maximum(np.subtract(distance, arm.reach), np.subtract(arm.inner_reach, distance))
+    return np.where(miss > 1e-12 * arm.reach, miss, 0.0)
 
 
 def with_velocities(table: Array) -> Array:
@@ -311,10 +323,7 @@ def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str =
     """
     target = finite_array("point", point, (2,), FARTHEST)
     choice("elbow_branch", elbow_branch, ("positive", "negative"))
-    length1, length2 = arm.link_lengths
-    distance = float(np.linalg.norm(target))
-    miss = max(distance - arm.reach, abs(length1 - length2) - distance)
-    if miss > 1e-12 * arm.reach:
+    if miss := float(missed_by(arm, np.linalg.norm(target))):
         raise ValueError(f"point = {tuple(target.tolist())} m: out of the tip's reach by {miss:.4g} m")
     branch = 1.0 if elbow_branch == "positive" else -1.0
-    return np.array(joint_angles_for(length1, length2, branch, target[0], target[1]))
+    return np.array(joint_angles_for(*arm.link_lengths, branch, target[0], target[1]))

@@ -24,7 +24,7 @@ from flexarm_env.physics.modal_elimination import elimination
 from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.conditioning import refuse_singular
 from flexarm_env.simulation.feedback import FeedbackTorque
-from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
+from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, substeps_of
 from flexarm_env.simulation.outputs import output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 from flexarm_env.validation import finite_array, finite_rows, instance, integer, number, real_array, shown
@@ -205,16 +205,16 @@ class FlexibleArm(FeedbackTorque):
         """Return the largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
         return _fastest_rate(self.parameters)
 
-    def longest_step(self, damping: float | None = None) -> float:
+    def longest_step(self, damping: float | None = None, payload_mass: float | None = None) -> float:
         """Return the longest step of the explicit integrator that the arm's fastest mode allows [s].
 
         Args:
             damping: damping ratio; None: the arm's own.
+            payload_mass: [kg]; None: the arm's own.
         """
-        own = self.parameters
-        if damping is not None and damping != own.damping_ratio:
-            own = replace(own, damping_ratio=damping)
-        return STEP_LIMIT / _fastest_rate(own)
+        given = {"damping_ratio": damping, "payload_mass": payload_mass}
+        changed = {name: value for name, value in given.items() if value not in (None, getattr(self.parameters, name))}
+        return STEP_LIMIT / _fastest_rate(replace(self.parameters, **changed) if changed else self.parameters)
 
     # --- simulation ------------------------------------------------------------------------------------------------
 
@@ -246,7 +246,7 @@ class FlexibleArm(FeedbackTorque):
         """
         start = finite_array("initial_state", initial_state, (2 * self.size,), LARGEST)
         step = number("step", step, "s", above=0.0)
-        count = count_substeps(step, substeps, self.longest_step(), self.fastest_rate())
+        count = substeps_of(step, substeps, self.longest_step(), self.fastest_rate())
         steps = count_instants(number("duration", duration, "s", above=0.0), step, count)
         run = OpenLoop(self.constants, self._complete, start)
         if callable(torque):

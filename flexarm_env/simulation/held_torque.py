@@ -98,11 +98,12 @@ class HeldTorque(ABC):
     _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_inputs_of`
 
     @abstractmethod
-    def longest_step(self, damping: float | None = None) -> float:
+    def longest_step(self, damping: float | None = None, payload_mass: float | None = None) -> float:
         """Return the longest step of the explicit integrator that the arm's fastest mode allows [s].
 
         Args:
             damping: damping ratio; None: the arm's own.
+            payload_mass: [kg]; None: the arm's own.
         """
 
     def step(
@@ -135,8 +136,9 @@ class HeldTorque(ABC):
         Raises:
             ValueError: for bad input; a step too long is refused with the longest that is allowed.
         """
-        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping))
-        h, steps = self._steps(period, step, stiffness, damping)
+        given = payload_mass, stiffness, damping
+        arms, torques = self._driven(state, torque, given)
+        h, steps = self._steps(period, step, given)
         module, arena = self._kernels(TANGENTS, arms.lanes)
         cache.call(module.run_steps, arena, arms.inputs[0], torques, h, steps, arms.states)
         return arms.shaped(arms.states)
@@ -153,8 +155,9 @@ class HeldTorque(ABC):
         damping: ArrayLike | None = None,
     ) -> StepJacobians:
         """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
-        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping))
-        h, steps = self._steps(period, step, stiffness, damping)
+        given = payload_mass, stiffness, damping
+        arms, torques = self._driven(state, torque, given)
+        h, steps = self._steps(period, step, given)
         count, size = arms.states.shape
         jacobians = tuple(np.empty((count, size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
         module, arena = self._kernels(TANGENTS, arms.lanes)
@@ -187,14 +190,15 @@ class HeldTorque(ABC):
             stiffness: see `step`.
             damping: see `step`.
         """
-        given = finite_rows("weights", weights, 4 * self.parameters.modes_per_link + 4)
-        arms, torques = self._driven(state, torque, (payload_mass, stiffness, damping), weights=given.shape[:-1])
-        h, steps = self._steps(period, step, stiffness, damping)
+        given = payload_mass, stiffness, damping
+        summed = finite_rows("weights", weights, 4 * self.parameters.modes_per_link + 4)
+        arms, torques = self._driven(state, torque, given, weights=summed.shape[:-1])
+        h, steps = self._steps(period, step, given)
         count, size = arms.states.shape
         gradients = np.empty((count, size)), np.empty((count, 2))
         module, arena = self._kernels(GRADIENTS, arms.lanes)
         known = arena, aligned_zeros(trail_rows(size // 2, steps) * arms.lanes), arms.inputs[0], torques
-        cache.call(module.run_gradients, *known, h, steps, arms.states, _rows(given, arms.leading), gradients)
+        cache.call(module.run_gradients, *known, h, steps, arms.states, _rows(summed, arms.leading), gradients)
         return StepGradients(*map(arms.shaped, gradients))
 
     @cached_property
@@ -202,16 +206,20 @@ class HeldTorque(ABC):
         """How the constants change with `constants.ARM_QUANTITIES`."""
         return constant_changes(self.parameters, self.modes)
 
-    def _steps(
-        self, period: float, step: float, stiffness: ArrayLike | None, damping: ArrayLike | None
-    ) -> tuple[float, int]:
-        """Length and number of the steps of a period; rates grow with the root of the stiffness, and with damping."""
+    def _steps(self, period: float, step: float, quantities: tuple[ArrayLike | None, ...]) -> tuple[float, int]:
+        """Length and number of the steps of a period.
+
+        The arm's fastest rate grows with the root of the stiffness, with damping, and as the payload falls.
+        """
         period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
         count = count_instants(period, step, 1, name="period")
-        own = self.parameters.damping_ratio
-        longest = self.longest_step(own if damping is None else float(np.asarray(damping).max(initial=own)))
-        longest /= 1.0 if stiffness is None else float(np.sqrt(np.asarray(stiffness).max(initial=1.0)))
-        if step > longest:
+        own, (payload, stiffness, damping) = self.parameters, quantities
+        ratio = own.damping_ratio if damping is None else float(np.max(damping, initial=own.damping_ratio))
+        lightest = own.payload_mass if payload is None else float(np.min(payload, initial=own.payload_mass))
+        slower = 1.0 if stiffness is None else float(np.sqrt(np.max(stiffness, initial=1.0)))
+        if lightest < own.payload_mass and step <= self.longest_step(ratio, 0.0) / slower:
+            return period / count, count  # for any payload, so that none's rate of its own is computed
+        if step > (longest := self.longest_step(ratio, lightest) / slower):
             raise ValueError(
                 f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"
             )
@@ -306,7 +314,7 @@ def step_each(arms: Sequence[HeldTorque], state: Array, torque: Array, period: f
     """
     if len(kinds := {(len(one._own[0][0]), one.parameters.velocity_forces, one.constants.dry) for one in arms}) != 1:
         raise ValueError(f"arms of {len(kinds)} kinds; shapes, kinematics and forces must be the same")
-    h, steps = arms[0]._steps(period, step, None, None)
+    h, steps = arms[0]._steps(period, step, (None, None, None))
     leading = len(arms), len(state)
     known = np.repeat(np.concatenate([one._own[0] for one in arms]), len(state), axis=0)
     states = _rows(state, leading)

@@ -25,7 +25,7 @@ from flexarm_env.kernels.stamp import check_stamp, layout_stamp
 from flexarm_env.kernels.variants import Variant
 
 Array = NDArray[np.float64]
-ALL_READINGS = -1  # as bits of `Header.READINGS`
+ALL_READINGS = -1  # as bits of `Header.KEPT_READINGS`
 
 
 class Lanes(NamedTuple):

@@ -139,7 +139,7 @@ def count_instants(duration: float, step: float, substeps: int, name: str = "dur
     return steps
 
 
-def count_substeps(step: float, substeps: int | Literal["auto"], longest: float, fastest: float) -> int:
+def substeps_of(step: float, substeps: int | Literal["auto"], longest: float, fastest: float) -> int:
     """Count the integration steps in a step.
 
     Args:

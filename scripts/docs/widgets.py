@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from flexarm_agents.board.tables import best_of, place
 from flexarm_env.envs import documentation
-from flexarm_env.envs.blocks import READINGS
+from flexarm_env.envs.blocks import INFORMATION
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.docs.replays import FOLDER, INDEX, read
@@ -100,7 +100,7 @@ def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
     read, best = {name for row in board["rows"] for name in row["reads"]}, list(best_of(board))
     data = {
         "laps": list(LAPS),
-        "readings": [name for name in READINGS if name in read],
+        "readings": [name for name in INFORMATION if name in read],
         "replays": f"{Path(REPLAYS).name}.html",
         "tasks": board["tasks"],
         "columns": {

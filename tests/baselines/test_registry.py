@@ -14,7 +14,7 @@ from flexarm_agents.evaluation.candidates import Candidate, from_controller
 from flexarm_baselines.observers import fresh
 from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS, controller, controller_names, make_controller
-from flexarm_env.envs.blocks import BLOCKS, PRIVILEGED, READINGS, TRUE_STATE
+from flexarm_env.envs.blocks import BLOCKS, INFORMATION, PRIVILEGED, TRUE_STATE
 from flexarm_env.envs.observation import readings_of
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
@@ -70,7 +70,7 @@ def test_the_true_state_has_one_door(name: str) -> None:
     """By the block that is declared privileged; whoever is to pass it is named here."""
     settings = Settings.of(controller(name).options)
     assert (TRUE_STATE in readings_of(settings)) == (name in ("plan_lqr", "nmpc_state"))
-    assert set(CONTROLLERS[name].kind.knows) <= set(READINGS) - set(PRIVILEGED)
+    assert set(CONTROLLERS[name].kind.knows) <= set(INFORMATION) - set(PRIVILEGED)
     assert {block for block, one in BLOCKS.items() if one.reads in PRIVILEGED} == {"state", "episode_parameters"}
 
 
