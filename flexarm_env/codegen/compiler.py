@@ -16,7 +16,7 @@ from types import BuiltinFunctionType, CodeType, FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
@@ -69,7 +69,8 @@ class Kernels:
     def _make(self, function: Any) -> Any:
         if isinstance(function, FunctionType):
             compiler = self._entry_compiler if self._is_entry(function) else self._part_compiler
-            return njit(self._named(inspect.unwrap(function)), pipeline_class=compiler, **self._options(function))
+            made = njit(self._named(inspect.unwrap(function)), pipeline_class=compiler, **self._options(function))
+            return _of_types(made)
         if isinstance(function, Recorded):
             made = vectors.vector_kernel(function.__name__, self.variant.lanes, function.recording(self.variant))
         else:
@@ -156,6 +157,13 @@ class Kernels:
                 f"{function.__qualname__}: {name} of a library: kernels do not call it (`compiler._LIBRARY`)"
             )
         return name
+
+
+def _of_types(dispatcher: Any) -> Any:
+    """Let a function be compiled once for the types of its arguments, not for each constant that one of them is."""
+    found = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda args, kws: found([types.unliteral(one) for one in args], kws)
+    return dispatcher
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -212,9 +212,12 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
             payload_mass: [kg]; None: the arm's own.
         """
-        given = {"damping_ratio": damping, "payload_mass": payload_mass}
-        changed = {name: value for name, value in given.items() if value not in (None, getattr(self.parameters, name))}
-        return STEP_LIMIT / _fastest_rate(replace(self.parameters, **changed) if changed else self.parameters)
+        own = self.parameters
+        ratio = own.damping_ratio if damping is None else damping
+        payload = own.payload_mass if payload_mass is None else payload_mass
+        if (ratio, payload) != (own.damping_ratio, own.payload_mass):
+            own = replace(own, damping_ratio=ratio, payload_mass=payload)
+        return STEP_LIMIT / _fastest_rate(own)
 
     # --- simulation ------------------------------------------------------------------------------------------------
 

@@ -77,8 +77,9 @@ class FeedbackTorque(HeldTorque):
         tables = self._tables(torques, gains, references, torque_gains)
         before = finite_rows("torque_before", torque_before, 2, LARGEST)
         own = {name: table.shape[: table.ndim - _AXES[name]] for name, table in tables.items()}
-        arms = self._arms(state, own | {"torque_before": before.shape[:-1]}, (payload_mass, stiffness, damping))
-        h, steps = self._steps(period, step, stiffness, damping)
+        quantities = payload_mass, stiffness, damping
+        arms = self._arms(state, own | {"torque_before": before.shape[:-1]}, quantities)
+        h, steps = self._steps(period, step, quantities)
         bound = np.array((np.inf, np.inf) if limits is None else pair("limits", limits, "N m", above=0.0))
         count, size = tables["torques"].shape[-2], arms.states.shape[1]
         if len(arms.states) * (count + 1) * size > MOST_NUMBERS:

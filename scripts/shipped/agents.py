@@ -140,7 +140,7 @@ AGENTS: dict[str, Shipped] = {
             evaluate_every=500_000,
             evaluation_laps=6,
         ),
-        seeds=5,
+        seeds=11,
         drawn=False,
     ),
     "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=3, drawn=False),

@@ -114,6 +114,20 @@ def test_a_target_may_jump_and_stops_where_the_reach_ends() -> None:
     np.testing.assert_array_equal(env.step(np.zeros(2))[4]["reference"], (5.0, 0.0))
 
 
+@pytest.mark.parametrize(
+    ("at", "velocity", "end"), [((5.0, 0.0), (-10.0, 0.0), (3.0, 0.0)), ((2.0, 4.0), (0.0, -8.0), (2.0, 5.0**0.5))]
+)
+def test_a_target_stops_where_the_folded_arm_ends(at: Any, velocity: Any, end: Any) -> None:
+    """Links of 6 m and 3 m leave a hole of 3 m."""
+    env = bare(TRACK, **TARGET, arm={"link_lengths": (6.0, 3.0)}, observation=["sensor_error"], **STILL)
+    env.step(np.zeros(2))
+    env.set_reference(at, velocity)
+    for _ in range(30):
+        reference = env.step(np.zeros(2))[4]["reference"]
+        assert np.linalg.norm(reference) > 3.0 - 1e-12
+    np.testing.assert_allclose(reference, end, atol=1e-12)
+
+
 test_bad_tasks_are_refused = refused(
     ({"reference": lambda time: (time,)}, "must be a function from time"),
     ({"reference": lambda time: 1.0 / time}, "waypoints = .*division"),

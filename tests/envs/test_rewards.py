@@ -183,7 +183,7 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, requested: dict[str, flo
     assert np.abs(nominal - own).max() > 1.0  # it matters
 
 
-def test_moves_are_drawn_within_their_ring() -> None:
+def test_a_move_goes_there_and_back() -> None:
     """From rest to rest: a move, a rest, a move back, a rest."""
     env = make("FlexArm/Reach-v0", lap_time=8.0, **FREE)
     first = env.reset(seed=0)[1]["reference"]
@@ -193,7 +193,13 @@ def test_moves_are_drawn_within_their_ring() -> None:
     np.testing.assert_allclose(track[400:601], track[200::-1], atol=1e-9)
     steps = np.linalg.norm(np.diff(track[:201], axis=0), axis=1)
     assert max(steps[0], steps[-1]) < 0.01 * steps.max()
+
+
+@pytest.mark.parametrize(("links", "ring"), [((4.5, 4.5), (0.35, 0.95)), ((2.7, 6.3), (0.43, 0.97))])
+def test_moves_end_within_their_ring(links: tuple[float, float], ring: tuple[float, float]) -> None:
+    """Of the reach; unequal links leave a hole."""
+    env = make("FlexArm/Reach-v0", lap_time=8.0, arm={"link_lengths": links}, **FREE)
     ends = [env.reset(seed=seed, options={"time": time})[1]["reference"] for seed in range(40) for time in (0.0, 3.0)]
     radii = np.linalg.norm(ends, axis=1) / 9.0
-    assert 0.35 <= radii.min() < 0.45
-    assert 0.85 < radii.max() <= 0.95
+    assert ring[0] <= radii.min() < ring[0] + 0.1
+    assert ring[1] - 0.1 < radii.max() <= ring[1]

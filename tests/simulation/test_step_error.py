@@ -131,6 +131,18 @@ def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
         assert energy[-1] < energy[0]
 
 
+def test_a_lighter_payload_needs_shorter_steps() -> None:
+    """Also where it is another one's in the same call."""
+    arm = FlexibleArm(ArmParameters(payload_mass=1.0))
+    longest = [arm.longest_step(payload_mass=mass) for mass in (0.0, 0.2, 1.0)]
+    assert longest[0] < longest[1] < longest[2] == arm.longest_step()
+    state, step = np.zeros((2, 2 * arm.size)), 0.5 * (longest[1] + longest[2])
+    arm.step(state, [0.0, 0.0], step, step=step, payload_mass=[2.0, 1.0])
+    with refuses(ValueError, "step = ", f"at most {longest[1]:.4g} s is allowed"):
+        arm.step(state, [0.0, 0.0], step, step=step, payload_mass=[2.0, 0.2])
+    arm.step(state, [0.0, 0.0], longest[1], step=longest[1], payload_mass=[2.0, 0.2])
+
+
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes))
