@@ -102,7 +102,7 @@ def test_each_task_has_its_own_figure_and_laps() -> None:
     ]
     first, second = [line.split() for line in sweep._table("mine", column, points).splitlines()[-2:]]
     assert first == ["nominal", "0", "of", "2", "21.000", "23.000", "22.000"]
-    assert second == ["unknown", "plant", "1", "of", "1", "lost", "lost", "-", "at", "21.00", "s"]
+    assert second == ["unknown", "arms", "1", "of", "1", "lost", "lost", "-", "at", "21.00", "s"]
 
 
 def test_lost_laps_come_first_and_count() -> None:
