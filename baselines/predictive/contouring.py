@@ -5,9 +5,9 @@ pace is an input like the torques. A period costs the square of the tip's distan
 instant, more beyond `ROOM`, and pays `price` for each of the plan's periods that it gains. What follows the horizon is
 the cost-to-go along the plan, about its state at the prediction's last instant.
 
-Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari,
-*Optimization-based autonomous racing of 1:43 scale RC cars*, Optimal Control Applications and Methods 36, 2015; Diehl,
-Bock and Schloeder, SIAM J. Control and Optimization 43, 2005 (one iteration in each control period).
+Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari, Optimal
+Control Applications and Methods 36, 2015 (racing); Diehl, Bock and Schloeder, SIAM J. Control and Optimization 43, 2005
+(one iteration in each control period).
 """
 
 from __future__ import annotations
