@@ -6,8 +6,7 @@ instant, more beyond `ROOM`, and pays `price` for each of the plan's periods tha
 the cost-to-go along the plan, about its state at the prediction's last instant.
 
 Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari, Optimal
-Control Applications and Methods 36, 2015 (racing); Diehl, Bock and Schloeder, SIAM J. Control and Optimization 43, 2005
-(one iteration in each control period).
+Control Applications and Methods 36, 2015 (racing); Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005.
 """
 
 from __future__ import annotations
