@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox
 
 from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import loss
@@ -82,8 +81,12 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
     Its own leader crosses no dot and no name if there is such a place.
     """
 
-    def boxes(places: Any, size: float) -> list[Bbox]:
-        return [Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size) for x, y in places]
+    def boxes(places: Any, size: float) -> Any:
+        return np.hstack([np.subtract(places, size), np.add(places, size)])
+
+    def meet(some: Any, others: Any) -> bool:
+        along = (some[:, None, :2] <= others[:, 2:]) & (others[:, :2] <= some[:, None, 2:])
+        return bool(np.any(np.all(along, axis=-1)))
 
     taken = boxes(axis.transData.transform([*(place for _, _, *place in dots), *others]), 7.0)
     marks = taken[: len(dots)]  # and names: what leaders should not cross
@@ -105,13 +108,12 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
             )
             text.get_window_extent()  # places the text
             box = Text.get_window_extent(text).padded(1.5)
+            name_box = np.reshape(box.extents, (1, 4))
             inside = axis.bbox.x0 < box.x0 and box.x1 < axis.figure.bbox.x1 and axis.bbox.y0 < box.y0
             start, way = axis.transData.transform(place), axis.figure.dpi / 72.0 * np.array(offset)
-            leader = boxes((start + share * way for share in np.linspace(9.0 / np.hypot(*offset), 1.0, 60)), 0.5)
-            crossed = any(one.overlaps(other) for one in leader for other in marks)
-            if inside and not (free and crossed) and not any(box.overlaps(other) for other in taken):
-                taken += [box, *leader]
-                marks.append(box)
+            leader = boxes(start + np.linspace(9.0 / np.hypot(*offset), 1.0, 60)[:, None] * way, 0.5)
+            if inside and not meet(name_box, taken) and not (free and meet(leader, marks)):
+                taken, marks = np.vstack([taken, name_box, leader]), np.vstack([marks, name_box])
                 break
             text.remove()
 

@@ -267,6 +267,7 @@ def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> N
     assert {point.task for column in COLUMNS.values() for point in column.points} == set(TASKS)
 
 
+@pytest.mark.slow  # kernels of the laboratory arm, which no other test compiles
 def test_a_faster_lap_and_the_laboratory_arm_have_plans_of_their_own() -> None:
     entry = Entry("plan_lqr")
     assert entry.candidate("pace5").policy.plans[0].torques.shape == (500, 2)

@@ -152,6 +152,7 @@ GOALS: dict[str, dict[str, tuple[float, float]]] = {
 }
 
 
+@pytest.mark.compiled  # whole laps
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
     trained = load_policy(name)

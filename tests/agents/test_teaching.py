@@ -99,6 +99,7 @@ def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> Non
         Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
 
 
+@pytest.mark.compiled  # a whole lap
 def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
     """Plans rest to a few hundredths of a millimetre; those of two loads are mixed for one between them."""
     own = {"arm": {"modes_per_link": 1}, "randomisation": {"payload_mass": (0.4, 0.6)}}

@@ -46,7 +46,7 @@ class Door:
         return getattr(self._env, name, None) if name.startswith("single_") else getattr(self._env, name)
 
 
-SLOW = ("lqg_adaptive", "lqg_adaptive_stamped")  # made in seconds
+SLOW = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # made in seconds
 
 
 @pytest.mark.parametrize(
