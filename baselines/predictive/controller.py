@@ -40,9 +40,7 @@ NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0
 # For a filter that estimates quantities, too: motors that are late, and vibrations that the model lacks, would else be
 # taken for another payload or stiffness.
 DOUBTFUL = replace(NOISE, joint_angle=3e-3, joint_rate=1.0)
-SOFT = (
-    0.8 * 1.5
-)  # [m]; the softest arm of `SquareUnknown-v0` bends to an episode's limit where the model is at this one
+SOFT = 0.8 * 1.5  # [m]; the softest unknown arm bends to an episode's limit where the model is at this one
 REFERENCES = ("plan", "path")
 
 

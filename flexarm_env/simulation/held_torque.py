@@ -218,7 +218,7 @@ class HeldTorque(ABC):
         lightest = own.payload_mass if payload is None else float(np.min(payload, initial=own.payload_mass))
         slower = 1.0 if stiffness is None else float(np.sqrt(np.max(stiffness, initial=1.0)))
         if lightest < own.payload_mass and step <= self.longest_step(ratio, 0.0) / slower:
-            return period / count, count  # for any payload, so that none's rate of its own is computed
+            return period / count, count  # short enough for any payload: each estimate's own rate is not needed
         if step > (longest := self.longest_step(ratio, lightest) / slower):
             raise ValueError(
                 f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"

@@ -77,3 +77,10 @@ def test_a_compiled_kernel_has_what_the_cache_reads() -> None:
     assert len(kernel.targetctx.codegen().magic_tuple()) == 3
     library = kernel.overloads[signature].library
     assert {"_linking_libraries", "_final_module", "_finalized"} <= set(vars(library))
+
+
+def test_a_function_is_compiled_once_for_different_constants() -> None:
+    part = compiler._of_types(numba.njit(lambda number: number + 1))
+    both = numba.njit(lambda: part(1) + part(2))
+    assert both() == 5
+    assert part.signatures == [(numba.int64,)]
