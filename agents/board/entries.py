@@ -97,6 +97,14 @@ class Entry:
         return bool(getattr(policy, "batched", self.algorithm is not None or isinstance(policy, _BATCHED)))
 
     @property
+    def independent(self) -> bool:
+        """Whether an episode's actions have the same bits whatever other episodes are chosen for in one call.
+
+        Those of controllers have; a product in a network may be rounded otherwise in another number of rows.
+        """
+        return self.source in CONTROLLERS
+
+    @property
     def fingerprint(self) -> dict[str, str]:
         """The hashes of the policy's data and of the code that it runs."""
         policy, recipe = self.candidate().policy, _recipe(self)

@@ -1,7 +1,7 @@
 """Runs the episodes of an entry at some points: in batches whose lanes have settings of their own.
 
 A result is the same, to the last bit, whatever other points are run with it: the kernels' lanes do not depend on each
-other, and a policy is called with the episodes of one point at a time.
+other, and a policy whose rows do (`Entry.independent`) is called with the episodes of one point at a time.
 """
 
 from __future__ import annotations
@@ -106,10 +106,12 @@ def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -
         predict = predictor(candidate.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
         ends = np.cumsum(counts).tolist()
-        calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
+        of_points = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
         env = _batch(task, [one for one, count in zip(each, counts, strict=True) for _ in range(count)])
+        together = entry.independent and observation_map(env, nominal) is None
+        calls = [_Call(lanes, predict, False) for lanes in ([slice(0, ends[-1])] if together else of_points)]
         made = _run(task, env, env, nominal, [one for point in points for one in point.seeded(entry.content)], calls)
-        results = [{"episodes": made[call.lanes]} for call in calls]
+        results = [{"episodes": made[lanes]} for lanes in of_points]
         # an error in a call ends all its episodes: they are run again, each alone, to see whose it is
         again = [n for n, one in enumerate(results) if any(e["ended"] == RAISED for e in one["episodes"])]
         alone = _one_by_one(entry, [points[n] for n in again], [each[n] for n in again])

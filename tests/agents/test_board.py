@@ -18,6 +18,7 @@ from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
 from flexarm_agents.environments import INTERFACE
 from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
+from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
@@ -26,6 +27,7 @@ from tests.support.refusals import refuses
 
 AGENT = "square"
 HERE = "tests.agents.test_board"
+DESIGNED = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # in seconds
 
 
 class Still:
@@ -180,9 +182,32 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     row = Entry(AGENT)
     some = points([1.0, 5.0], range(2))
     together = run_points(row, some)
+    assert not row.independent  # a network's product may be rounded otherwise in another number of rows
     assert together == [run_points(row, [point])[0] for point in some]
     assert together[0] != together[1]
     assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == some[0].seeded(row.content)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in DESIGNED)) for name in CONTROLLERS]
+)
+def test_a_controllers_rows_are_independent_to_the_last_bit(name: str) -> None:
+    entry = Entry(name, environment=CONTROLLERS[name].environment)
+    policy, env = entry.candidate()[1:3]
+    rows = np.stack([env.reset(seed=seed, options={"start": "moving"})[0] for seed in range(LANES)])
+
+    def actions(some: slice) -> list[Any]:
+        memory, found = None, []
+        for _ in range(3):
+            action, memory = policy.predict(rows[some], memory, np.full(len(rows[some]), memory is None))
+            found.append(action)
+        return found
+
+    assert entry.independent
+    together = np.array(actions(slice(None)))
+    assert np.ptp(together, axis=1).any() or name == "ifdc"  # whose gain is constant
+    for some in (slice(0, 1), slice(1, 4), slice(4, LANES)):
+        assert np.array_equal(actions(some), together[:, some])
 
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
