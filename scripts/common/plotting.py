@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,14 @@ def write(figure: Figure, path: Path) -> None:
         picture = Image.open(file).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
     put(path, lambda aside: picture.save(aside, format="PNG", optimize=True))
     plt.close(figure)
+
+
+def write_moving(path: Path, pictures: Iterable[Image.Image], interval: float, rest: float, **look: Any) -> None:
+    """Write pictures as an animated WebP, which repeats; times from one to the next, and on the last one, in s."""
+    first, *others = pictures
+    durations = [round(1e3 * interval)] * len(others) + [round(1e3 * rest)]
+    shown: dict[str, Any] = {"save_all": True, "append_images": others, "duration": durations, "loop": 0}
+    put(path, lambda aside: first.save(aside, **shown, quality=60, method=6, **look))
 
 
 def plain_ticks(axis: Axis) -> None:

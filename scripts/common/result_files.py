@@ -34,20 +34,15 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def check_replaceable(folder: Path, marker: str) -> None:
-    """Refuse to replace what is no result folder: a complete one holds a marker, the name of a file."""
-    if folder.exists() and not (folder.is_dir() and ((folder / marker).exists() or not any(folder.iterdir()))):
-        raise ValueError(f"output = {folder}: exists and holds no {marker}, so it is no result folder to replace")
-
-
 @contextmanager
 def replacing(target: Path, marker: str) -> Iterator[Path]:
     """Fill an empty folder that replaces the target at the end; after an error the target stays as it was.
 
-    What a killed run left beside the target is removed first. A target that is no result folder (one with the marker),
-    or that another run makes now, is refused.
+    What a killed run left beside the target is removed first. A target that is no result folder (one with the marker,
+    the name of a file), or that another run makes now, is refused.
     """
-    check_replaceable(target, marker)
+    if target.exists() and not (target.is_dir() and ((target / marker).exists() or not any(target.iterdir()))):
+        raise ValueError(f"output = {target}: exists and holds no {marker}, so it is no result folder to replace")
     target.parent.mkdir(parents=True, exist_ok=True)
     work, old, lock = (target.with_name(f".{target.name}{end}") for end in (PARTIAL, OLD, ".lock"))
     with ExitStack() as stack:

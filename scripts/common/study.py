@@ -112,14 +112,9 @@ class Options:
     """Bring the tables and pictures of docs/ up to date."""
 
 
-def usual(name: str, studies: Mapping[str, Study]) -> Options:
-    """Return the options without arguments; see `command`."""
-    return Options(Path("results") / name, tuple(studies))
-
-
 def command(name: str, studies: Mapping[str, Study], text: str) -> None:
     """Read the command line of `python -m scripts.NAME`, and make the studies."""
-    options = read_options(f"python -m scripts.{name}", usual(name, studies), text)
+    options = read_options(f"python -m scripts.{name}", Options(Path("results") / name, tuple(studies)), text)
     integer("jobs", options.jobs, 1)
     chosen = {one: studies[choice("only", one, tuple(studies))] for one in options.only}
     for one, study in chosen.items():

@@ -15,7 +15,7 @@ from flexarm_agents.jobs.failures import Failure
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.run_folder import RunFolder
-from flexarm_agents.training.train import Outcome, train
+from flexarm_agents.training.train import train
 
 ROUNDING = 1e-3  # relative, of a lap's error
 Job = tuple[RunConfig, Path]
@@ -30,8 +30,12 @@ class Training(NamedTuple):
 
 
 def trained(config: RunConfig, folder: Path) -> Training:
-    """Train, resume an interrupted training, or reuse a finished one that this version scores alike."""
-    outcome = carried_out(config, folder)
+    """Train, resume an interrupted training, or reuse a finished one that this version scores alike.
+
+    Students of one agent share their teacher's plans.
+    """
+    given = replace(config, plans=str(folder.parent / "plans")) if isinstance(config, DAggerConfig) else config
+    outcome = train(given, folder, resume=RunFolder(folder).config.exists())
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
     if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, read_score(outcome.best)):
@@ -46,13 +50,6 @@ def _alike(one: StandardScore, other: StandardScore) -> bool:
     """Return whether two scores differ at most as a version that rounds otherwise makes them differ."""
     pairs = [(a.complete, b.complete, a.rank[1], b.rank[1]) for a, b in zip(one, other, strict=True)]
     return all(a == b and (not a or isclose(x, y, rel_tol=ROUNDING)) for a, b, x, y in pairs)
-
-
-def carried_out(config: RunConfig, folder: Path) -> Outcome:
-    """Train, or resume; students of one agent share their teacher's plans."""
-    if isinstance(config, DAggerConfig):
-        config = replace(config, plans=str(folder.parent / "plans"))
-    return train(config, folder, resume=RunFolder(folder).config.exists())
 
 
 def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:

@@ -14,7 +14,7 @@ from matplotlib.patches import Arc
 from numpy.typing import NDArray
 from PIL import Image
 
-from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, SOFT, WIDTH, write
+from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, SOFT, WIDTH, write, write_moving
 from scripts.docs.drawn_arm import POINTS, Lap, bare, draw_arm, draw_path, links, recorded, rigid
 
 Array = NDArray[np.float64]
@@ -24,7 +24,6 @@ COMPARED = {
 }
 LAP = "swing"
 LAST, SLOWER, PERIOD = 1.0, 8, 0.01  # of the moving picture: time [s], times as slow as the arm, between frames [s]
-QUALITY = 60  # of the WebP [%]
 REST = 2.0  # on the last frame [s]
 STILL = (0.0, 0.3, 0.6, 0.9, 1.2)  # [s]
 MOMENT = 0.3  # of the labelled drawing [s]
@@ -38,10 +37,8 @@ X, Y = (-8.4, 0.9), (-7.3, 1.3)  # what is shown of the plane [m]
 def moving(path: Path) -> None:
     """Draw the first second of the swing lap under two controllers, in slow motion, as an animated WebP."""
     laps = {title: recorded(row, LAP) for row, title in COMPARED.items()}
-    times = np.arange(0.0, LAST + 1e-9, PERIOD)
-    first, *others = (_frame(laps, float(time)) for time in times)
-    durations = [round(1e3 * SLOWER * PERIOD)] * len(others) + [round(1e3 * REST)]
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=6)
+    frames = (_frame(laps, float(time)) for time in np.arange(0.0, LAST + 1e-9, PERIOD))
+    write_moving(path, frames, SLOWER * PERIOD, REST)
 
 
 def _frame(laps: dict[str, Lap], time: float) -> Image.Image:

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
-from flexarm_agents.files import put
 from flexarm_baselines.registry import controller, make_controller
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
+from scripts.common.plotting import write_moving
 
 FRAMES = 60  # of a picture, at most
 INTERVAL, REST = 0.08, 1.2  # between frames, and on the last one [s]
-SIZE, QUALITY = 400, 60  # [px], and of the WebP in percent
+SIZE = 400  # [px]
 
 
 class Picture(NamedTuple):
@@ -150,9 +150,7 @@ def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
     return found
 
 
-def write_moving(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
-    """Write frames as an animated WebP, which repeats and rests on the last one. Shape (size, size, 3) each."""
-    first, *others = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
-    durations = [round(1e3 * INTERVAL)] * len(others) + [round(1e3 * REST)]
-    options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}
-    put(path, lambda aside: first.save(aside, save_all=True, append_images=others, **options))
+def write(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
+    """Write frames as a moving picture. Shape (size, size, 3) each."""
+    small = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
+    write_moving(path, small, INTERVAL, REST, minimize_size=True)

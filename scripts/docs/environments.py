@@ -18,7 +18,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.parameters import ArmParameters
 from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
-from scripts.docs.env_pictures import PICTURES, frames, write_moving
+from scripts.docs.env_pictures import PICTURES, frames, write
 from scripts.docs.to_beat import best, to_beat
 
 PAGES = DOCS / "environments"
@@ -195,7 +195,7 @@ def main() -> None:
     print(f"{options.docs}: {len(written)} pages up to date")
     if options.pictures:
         for name in IDS:
-            write_moving(options.docs / f"{stem(name)}.webp", frames(name))
+            write(options.docs / f"{stem(name)}.webp", frames(name))
         print(f"{options.docs}: {len(IDS)} pictures up to date")
 
 

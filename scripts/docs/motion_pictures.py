@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.optimal.plan import PLANS
-from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, WIDTH, headline, label_ends, write
-from scripts.docs.arm_pictures import LETTERS, PURPLE, QUALITY, image, marks
+from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, WIDTH, headline, label_ends, write, write_moving
+from scripts.docs.arm_pictures import LETTERS, PURPLE, image, marks
 from scripts.docs.drawn_arm import ARM, Lap, bare, draw_arm, draw_path, recorded
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 
@@ -153,6 +153,4 @@ def race(path: Path) -> None:
             marks(axis, one, now)
             axis.text(0.0, -8.1, text or f"{time:.2f} s", ha="center", fontsize=14, color=INK)
         frames.append(image(figure))
-    durations = [round(1e3 * FRAME)] * (len(frames) - 1) + [round(1e3 * REST)]
-    options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6}
-    frames[0].save(path, save_all=True, append_images=frames[1:], **options)
+    write_moving(path, frames, FRAME, REST)

@@ -170,15 +170,13 @@ def _moves() -> str:
 
 
 def _smooth() -> str:
-    """Write what the best known plans come to, and the board's entries where it has them."""
+    """Write what the best known plans come to, and the board's entries."""
     known = [json.loads((PLANS / f"default_smooth_{lap}.json").read_text(encoding="utf-8"))["score"] for lap in LAPS]
     errors = ", ".join(
         f"{1e3 * one['true_tip_rms']:.1f} / {1e3 * one['true_tip_rms_after_2s']:.3f} mm on the {lap} lap"
         for lap, one in zip(LAPS, known, strict=True)
     )
     text = f"The best known plans err by {errors}, over the lap / after 2 s ([optimal control](../optimal.md))."
-    if "smooth" not in board()["columns"]["nominal"]["values"]:
-        return f"{text} `flexarm leaderboard --columns nominal` measures entries; the {BOARD} has no figures of it yet."
     return f"{text} {_of_board(OnBoard('nominal', ('smooth',), ('plan_lqr', 'lqg', 'shaped', 'agent square')))}"
 
 
@@ -201,9 +199,7 @@ arms](../lqg.md#races-on-unknown-arms)).
 
 
 def _carry() -> str:
-    """Write what the board has of payloads that nobody knows; how it is measured, as long as the board has nothing."""
-    if "carry" not in board()["columns"]:
-        return f"`flexarm leaderboard --columns carry` measures it; the {BOARD} has no figures of it yet."
+    """Write what the board has of payloads that nobody knows."""
     drawn, nominal = (OnBoard("carry", (value,), ()) for value in ("0.2 to 1.5 kg", "nominal mass"))
     rows = []
     for row in board()["rows"]:

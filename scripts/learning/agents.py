@@ -32,9 +32,9 @@ class Agent(NamedTuple):
         """Number of trainings, as tables have it."""
         return str(len(self.trainings))
 
-    def spread(self, lap: str, figure: str = "rms") -> Spread:
-        """Return the spread of a figure of the best evaluations over the seeds."""
-        return Spread.of(one["best"][lap][figure] for one in self.trainings)
+    def spread(self, lap: str) -> Spread:
+        """Return the spread of the best evaluations' r.m.s. error over the seeds."""
+        return Spread.of(one["best"][lap]["rms"] for one in self.trainings)
 
     def measured(self, name: str) -> list[Any]:
         """Return what was measured of each training."""

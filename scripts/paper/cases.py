@@ -27,17 +27,11 @@ SENSOR_POSITION = {"tip": 4.5, "elbow": 0.5}  # distance from the elbow [m]
 
 @dataclass(frozen=True)
 class Case:
-    """One run: who controls, what is sensed, and where.
+    """One run: who controls, what is sensed, and where."""
 
-    Attributes:
-        controller: "ifdc", "flsac", or "constant": the constant gain equal to the mean of FLSAC's in the same case.
-        sensing: "collocated", "nmp" (noncollocated, late), "corrected" (the command is late too, by one delay).
-        place: "tip" (end effector) or "elbow" (0.5 m past it).
-    """
-
-    controller: str
-    sensing: str
-    place: str
+    controller: str  # "ifdc", "flsac", or "constant": the constant gain equal to the mean of FLSAC's in the same case
+    sensing: str  # "collocated", "nmp" (noncollocated, late), "corrected" (the command is late too, by one delay)
+    place: str  # "tip" (end effector) or "elbow" (0.5 m past it)
 
     @property
     def name(self) -> str:
@@ -56,17 +50,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Column:
-    """An arm in which all cases are run.
+    """An arm in which all cases are run."""
 
-    Attributes:
-        title: for tables.
-        arm: its parameters.
-        elbow_branch: sign of theta2 at the start.
-    """
-
-    title: str
+    title: str  # for tables
     arm: ArmParameters
-    elbow_branch: str = "positive"
+    elbow_branch: str = "positive"  # sign of theta2 at the start
 
 
 COLUMNS = {
@@ -79,19 +67,12 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Study:
-    """What a reproduction is made with.
+    """What a reproduction is made with."""
 
-    Attributes:
-        K_s: output scale of FLSAC (14).
-        K_n: normalising factor of FLSAC.
-        lap_time: of the square [s].
-        arm_changes: fields of `ArmParameters` set in every column.
-    """
-
-    K_s: float = 1.0
-    K_n: float = 5.0
-    lap_time: float = 16.0
-    arm_changes: dict[str, Any] = field(default_factory=dict)
+    K_s: float = 1.0  # output scale of FLSAC (14)
+    K_n: float = 5.0  # normalising factor of FLSAC
+    lap_time: float = 16.0  # of the square [s]
+    arm_changes: dict[str, Any] = field(default_factory=dict)  # fields of `ArmParameters` set in every column
 
     def __post_init__(self) -> None:
         """Validate.

@@ -29,17 +29,11 @@ class UndecidedError(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check found in one column.
+    """What a check found in one column."""
 
-    Attributes:
-        holds: whether the sentence is true there.
-        values: the figures it was decided from.
-        merit: one figure for comparing controllers, smaller is better; None where there is no better.
-    """
-
-    holds: bool
-    values: dict[str, Any]
-    merit: float | None = None
+    holds: bool  # whether the sentence is true there
+    values: dict[str, Any]  # the figures it was decided from
+    merit: float | None = None  # one figure for comparing controllers, smaller is better; None where there is no better
 
 
 Check = Callable[[Measures, Differences, str], Finding]

@@ -12,34 +12,21 @@ ANY = "any"  # in a claim's `controllers`: the controller that the check is put 
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence of the paper.
+    """One sentence of the paper."""
 
-    Attributes:
-        id: stable name.
-        quote: the sentence as printed.
-        measure: what it is taken to mean.
-        check: decides; raises `checks.UndecidedError` where too few runs are left.
-        places: where the sensor is in the runs that it looks at.
-        controllers: theirs; `ANY` stands for the one that the check is put to.
-        sensings: theirs.
-        until: the part of the lap that it looks at ends here, as a share of the lap.
-        fuzzy: whether it says what FLSAC gains, so that constant gains are put beside it.
-        condition: a reading under which a check that fails in the paper's own column is still reported as met; the
-            check says so in `values["under_condition"]`.
-        note: what a reader must know.
-    """
-
-    id: str
-    quote: str
-    measure: str
-    check: Check
-    places: tuple[str, ...] = ("tip",)
-    controllers: tuple[str, ...] = ("ifdc",)
-    sensings: tuple[str, ...] = SENSINGS
-    until: float = 1.0
-    fuzzy: bool = False
+    id: str  # stable name
+    quote: str  # the sentence as printed
+    measure: str  # what it is taken to mean
+    check: Check  # decides; raises `checks.UndecidedError` where too few runs are left
+    places: tuple[str, ...] = ("tip",)  # where the sensor is in the runs that it looks at
+    controllers: tuple[str, ...] = ("ifdc",)  # theirs; `ANY` stands for the one that the check is put to
+    sensings: tuple[str, ...] = SENSINGS  # theirs
+    until: float = 1.0  # the part of the lap that it looks at ends here, as a share of the lap
+    fuzzy: bool = False  # whether it says what FLSAC gains, so that constant gains are put beside it
+    # A reading under which a check that fails in the paper's own column is still reported as met; the check says so in
+    # `values["under_condition"]`
     condition: str = ""
-    note: str = ""
+    note: str = ""  # what a reader must know
 
     def runs(self, controller: str) -> list[str]:
         """Return the names of the runs that the claim looks at."""

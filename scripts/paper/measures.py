@@ -67,15 +67,10 @@ def _along(run: Trajectory, knots: Array) -> float:
 
 @dataclass(frozen=True)
 class Workspace:
-    """What the reach of the arm leaves the rigid tip beyond a corner of the square.
+    """What the reach of the arm leaves the rigid tip beyond a corner of the square."""
 
-    Attributes:
-        reach: reach of the stretched arm [m].
-        corner: distance of a corner from either axis through the shoulder [m].
-    """
-
-    reach: float = sum(ArmParameters.paper().link_lengths)
-    corner: float = SquareParameters().side / 2.0
+    reach: float = sum(ArmParameters.paper().link_lengths)  # of the stretched arm [m]
+    corner: float = SquareParameters().side / 2.0  # distance of a corner from either axis through the shoulder [m]
 
     @property
     def straight_on(self) -> float:

@@ -22,23 +22,14 @@ CLOCK_STEP = 0.0252  # [s]; the paper's clock time a step, in which it counts de
 
 @dataclass(frozen=True)
 class Number:
-    """One row of numbers.json.
-
-    Attributes:
-        name: what it is.
-        unit: unit of both values.
-        source: equation or place in the paper.
-        paper: as printed.
-        ours: as computed or used.
-        note: where they differ, why.
-    """
+    """One row of numbers.json."""
 
     name: str
-    unit: str
-    source: str
-    paper: float
-    ours: float
-    note: str = ""
+    unit: str  # of both values
+    source: str  # equation or place in the paper
+    paper: float  # as printed
+    ours: float  # as computed or used
+    note: str = ""  # where they differ, why
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data, with the relative difference."""

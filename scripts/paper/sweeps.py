@@ -23,21 +23,13 @@ COMMON: dict[str, Any] = {"delay": None, "delayed": "position"}  # options unles
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a sweep.
+    """One run of a sweep."""
 
-    Attributes:
-        value: what is varied, a number or a name.
-        case: the case.
-        policy: "ifdc", or options of FLSAC.
-        gain: lambda at action 1.
-        options: further options of the environment.
-    """
-
-    value: float | str
+    value: float | str  # what is varied, a number or a name
     case: Case
-    policy: str | dict[str, Any]
-    gain: float = 1.0
-    options: dict[str, Any] = field(default_factory=dict)
+    policy: str | dict[str, Any]  # "ifdc", or options of FLSAC
+    gain: float = 1.0  # lambda at action 1
+    options: dict[str, Any] = field(default_factory=dict)  # further ones of the environment
 
 
 def _cases(controller: str, sensings: Sequence[str], places: Sequence[str] = PLACES) -> list[Case]:

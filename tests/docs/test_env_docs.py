@@ -94,7 +94,7 @@ def test_a_moving_picture_is_drawn(tmp_path: Path) -> None:
     assert [picture.shape for picture in pictures] == [(600, 600, 3)] * 2
     assert (pictures[0] != pictures[1]).any()
     assert len(np.unique(pictures[1].reshape(-1, 3), axis=0)) > 50
-    env_pictures.write_moving(tmp_path / "reach.webp", pictures)
+    env_pictures.write(tmp_path / "reach.webp", pictures)
     with Image.open(tmp_path / "reach.webp") as picture:
         assert picture.n_frames == 2  # type: ignore[attr-defined]
         assert picture.info["loop"] == 0
