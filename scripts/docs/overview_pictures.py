@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.text import Text
 
 from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import loss
@@ -88,34 +87,37 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
         along = (some[:, None, :2] <= others[:, 2:]) & (others[:, :2] <= some[:, None, 2:])
         return bool(np.any(np.all(along, axis=-1)))
 
+    scale, frame = axis.figure.dpi / 72.0, np.array([axis.bbox.x0, axis.bbox.y0, axis.figure.bbox.x1, np.inf])
     taken = boxes(axis.transData.transform([*(place for _, _, *place in dots), *others]), 7.0)
     marks = taken[: len(dots)]  # and names: what leaders should not cross
     turns = np.radians(np.arange(0.0, 360.0, 15.0))
     offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9, 18, 28, 40, 54, 70, 90, 115, 145) for turn in turns]
     for name, colour, *place in sorted(dots, key=lambda dot: (-dot[2], dot[3])):
+        start, written = axis.transData.transform(place), axis.text(0.0, 0.0, name, transform=axis.transAxes)
+        size = written.get_window_extent().size
+        written.remove()
         for free, offset in product((True, False), offsets):
             side = 0.0 if offset[0] > 1.0 else 1.0 if offset[0] < -1.0 else 0.5  # of the name, where the leader ends
-            look = LEADER | {"color": colour, "relpos": (side, 0.5)}
-            text = axis.annotate(
-                name,
-                (place[0], place[1]),
-                offset,
-                textcoords="offset points",
-                ha={0.0: "left", 0.5: "center", 1.0: "right"}[side],
-                va="center",
-                color=INK,
-                arrowprops=look if np.hypot(*offset) > 9.5 else None,
-            )
-            text.get_window_extent()  # places the text
-            box = Text.get_window_extent(text).padded(1.5)
-            name_box = np.reshape(box.extents, (1, 4))
-            inside = axis.bbox.x0 < box.x0 and box.x1 < axis.figure.bbox.x1 and axis.bbox.y0 < box.y0
-            start, way = axis.transData.transform(place), axis.figure.dpi / 72.0 * np.array(offset)
-            leader = boxes(start + np.linspace(9.0 / np.hypot(*offset), 1.0, 60)[:, None] * way, 0.5)
-            if inside and not meet(name_box, taken) and not (free and meet(leader, marks)):
-                taken, marks = np.vstack([taken, name_box, leader]), np.vstack([marks, name_box])
+            corner = start + scale * np.array(offset) - size * (side, 0.5)
+            box = np.hstack([corner - 1.5, corner + size + 1.5])[None]
+            inside = (frame[:2] < box[0, :2]).all() and (box[0, 2:] < frame[2:]).all()
+            if not inside or meet(box, taken):
+                continue
+            leader = boxes(start + np.linspace(9.0 / np.hypot(*offset), 1.0, 60)[:, None] * scale * offset, 0.5)
+            if not (free and meet(leader, marks)):
+                look = LEADER | {"color": colour, "relpos": (side, 0.5)}
+                axis.annotate(
+                    name,
+                    (place[0], place[1]),
+                    offset,
+                    textcoords="offset points",
+                    ha={0.0: "left", 0.5: "center", 1.0: "right"}[side],
+                    va="center",
+                    color=INK,
+                    arrowprops=look if np.hypot(*offset) > 9.5 else None,
+                )
+                taken, marks = np.vstack([taken, box, leader]), np.vstack([marks, box])
                 break
-            text.remove()
 
 
 def distance_from_chain(path: Path) -> None:

@@ -14,8 +14,9 @@ from scripts.docs.steps import TUTORIALS, steps
 # Pages whose kernels no other fast test compiles, or that take long.
 LONG = (
     DOCS / "derivatives.md",
+    DOCS / "how_to" / "identify.md",
     DOCS / "optimal.md",
-    *(TUTORIALS[one] for one in ("first_agent", "late_sensor", "sampling")),
+    *(TUTORIALS[one] for one in ("first_agent", "late_sensor", "sampling", "sim_to_chain")),
 )
 # The snippets' own functions have no annotations, and torch's tensors stand for sequences.
 HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'

@@ -62,45 +62,6 @@ def test_tutorials_show_outputs_and_small_pictures() -> None:
         assert [one for one in pictures if (ROOT / "docs" / one).stat().st_size > MOST_BYTES] == []
 
 
-STEPS = """
-```console
-pip install something
-```
-
-```python
-print("a", 1.25)
-```
-
-```text
-a 1.26
-```
-
-```console
-flexarm list
-```
-
-```text
-id
-...
-last
-```
-"""
-
-
-def test_a_step_has_the_output_after_it() -> None:
-    install, snippet, command = steps(STEPS)
-    assert (install.runs, snippet.runs, command.runs) == (False, True, True)
-    assert printed(snippet, {}, "page") == "a 1.25\n"
-    assert snippet.shown == "a 1.26\n"
-    assert snippet.line == STEPS.splitlines().index('print("a", 1.25)') + 1
-    assert printed(command, {}, "page").startswith("id ")
-
-
-def test_a_line_of_dots_leaves_lines_out() -> None:
-    assert excerpt("one\n...\nlast\n", "1\n2\n3\n4\n") == "1\n...\n4\n"
-    assert excerpt("one\nlast\n", "1\n2\n3\n") == "1\n2\n3\n"
-
-
 @pytest.mark.parametrize(
     ("shown", "found", "same"),
     [
@@ -117,7 +78,9 @@ def test_outputs_agree_but_for_little(shown: str, found: str, same: bool) -> Non
 
 def test_a_snippet_that_is_read_from_a_file_is_written_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for step in steps("```python\n# mine.py\na = 1\n```\n\n```python\n# mine.py\nb = a + 1\n```\n"):
+    found = steps("```python\n# mine.py\na = 1\n```\n\n```python\n# mine.py\nb = a + 1\n```\n")
+    assert [step.line for step in found] == [2, 7]
+    for step in found:
         printed(step, {"a": 1}, "page")
     assert (tmp_path / "mine.py").read_text() == "# mine.py\na = 1\n# mine.py\nb = a + 1\n"
 
@@ -134,13 +97,6 @@ def test_long_snippets_are_written_for_the_check_of_types(tmp_path: Path) -> Non
 def test_a_snippet_that_is_not_found_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"has 2 snippets, of which 1 begin and end a line"):
         steps("```python\na = 1\n```\n\n  ```python\n  b = 2\n  ```\n")
-
-
-def test_pictures_and_links_exist() -> None:
-    """Every relative link and picture of README and docs leads somewhere."""
-    for page in [README, *(ROOT / "docs").rglob("*.md")]:
-        for target in re.findall(r"\]\(([^)#:]+?)(?:#[^)]*)?\)", page.read_text()):
-            assert (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
 
 
 # --- examples in docstrings ------------------------------------------------------------------------------------------
@@ -178,30 +134,22 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 MOST_BYTES_OF_A_NOTEBOOK = 200_000
 
 
-def notebook(path: Path) -> Any:
-    nbformat = pytest.importorskip("nbformat", reason="the extra `test` brings it, with nbclient")
-    read = nbformat.read(path, as_version=4)
-    nbformat.validate(read)
-    return read
-
-
 def test_there_are_two() -> None:
     assert [path.stem for path in NOTEBOOKS] == ["control_engineers", "reinforcement_learning"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_small_and_has_its_outputs(path: Path) -> None:
+def test_a_notebook_is_small_and_has_its_outputs_and_its_links_lead_somewhere(path: Path) -> None:
+    nbformat = pytest.importorskip("nbformat", reason="the extra `test` brings it, with nbclient")
     assert path.stat().st_size < MOST_BYTES_OF_A_NOTEBOOK
-    cells = [cell for cell in notebook(path).cells if cell.cell_type == "code"]
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1)), "run all cells in their order"
     assert all(cell.outputs for cell in cells[1:])
     shown = [str(output) for cell in cells for output in cell.outputs]
     assert not re.search(r"Traceback|/home/|/work/|Warning", "".join(shown))
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_the_links_of_a_notebook_lead_somewhere(path: Path) -> None:
-    text = "".join(cell.source for cell in notebook(path).cells if cell.cell_type == "markdown")
+    text = "".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     links = re.findall(r"\]\(([^)#:]+)", text)
     assert links
     assert [link for link in links if not (path.parent / link).exists()] == []

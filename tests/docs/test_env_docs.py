@@ -241,12 +241,6 @@ def test_arguments_of_a_batch() -> None:
     assert [bare(row["argument"]) for row in table] == [name for name in own if name not in ("self", "options")]
 
 
-def test_tables_escape_bars_and_drop_empty_columns() -> None:
-    assert documentation.table(("a", "b"), [("|x|", "")]) == "| a |\n| --- |\n| \\|x\\| |"
-    figures = {17.90954: "17.91", 20354.2: "20350", 0.25: "0.25", np.inf: "none"}
-    assert [documentation.figure(value) for value in figures] == list(figures.values())
-
-
 @pytest.mark.parametrize("name", to_beat.BY_ID)
 def test_a_page_begins_with_the_best_entry_that_needs_no_true_state(name: str) -> None:
     named = set(re.findall(r"`([^`]*)`", to_beat.best(name)))

@@ -17,11 +17,18 @@ PAGES = [
 ]
 
 
-def test_every_page_stands_once_in_the_contents(tmp_path: Path) -> None:
-    site.lay_out(tmp_path)
-    laid_out = [path.relative_to(tmp_path) for kind in KINDS for path in tmp_path.rglob(f"*.{kind}")]
-    pages = {path.with_suffix("").as_posix() for path in laid_out}
-    text = "".join(page.read_text() for page in tmp_path.rglob("*.md"))
+@pytest.fixture(scope="module")
+def laid_out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the site's sources."""
+    folder = tmp_path_factory.mktemp("site") / "pages"
+    site.lay_out(folder)
+    return folder
+
+
+def test_every_page_stands_once_in_the_contents(laid_out: Path) -> None:
+    files = [path.relative_to(laid_out) for kind in KINDS for path in laid_out.rglob(f"*.{kind}")]
+    pages = {path.with_suffix("").as_posix() for path in files}
+    text = "".join(page.read_text() for page in laid_out.rglob("*.md"))
     trees = re.findall(r"```{toctree}\n:hidden:\n\n(.*?)\n```", text, re.DOTALL)
     listed = [re.sub(r"^.* <|>$", "", line).removeprefix("/") for tree in trees for line in tree.splitlines()]
     assert sorted(listed) == sorted(pages - {"index"})
@@ -59,12 +66,11 @@ def test_the_reference_is_of_modules_with_public_names(name: str) -> None:
     assert importlib.import_module(name).__doc__
 
 
-def test_links_to_files_outside_docs_are_kept(tmp_path: Path) -> None:
-    site.lay_out(tmp_path / "pages")
-    contributing = (tmp_path / "pages/CONTRIBUTING.md").read_text(encoding="utf-8")
+def test_links_and_pictures_lead_to_files_also_outside_docs(laid_out: Path) -> None:
+    contributing = (laid_out / "CONTRIBUTING.md").read_text(encoding="utf-8")
     assert "](index.md)" in contributing
     assert "](README.md)" not in contributing
-    for page in (tmp_path / "pages").rglob("*.md"):
+    for page in laid_out.rglob("*.md"):
         for target in site.LINK.findall(page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page}: {target}"
 
