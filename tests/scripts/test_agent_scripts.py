@@ -19,15 +19,17 @@ from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.shell import Shell
 from tests.support.trainings import TINY as CONFIG
-from tests.support.trainings import score
+from tests.support.trainings import at_step, score
 
 COMMAND = "from flexarm_agents.commands import main; main()"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
 ALONE = ("--no-baselines", "--no-shipped")
 OUTPUT = ("--output", "scores.json")
+SOME = ["scheduler_paper", "square"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("signals")
 def test_train_stop_and_go_on(flexarm: Shell) -> None:
     """The command is stopped by Ctrl-C, and goes on with its folder."""
@@ -45,15 +47,17 @@ def test_train_stop_and_go_on(flexarm: Shell) -> None:
     assert (flexarm.folder / "runs" / "Square-v0-ppo-3" / "checkpoint.zip").is_file()
 
 
+@pytest.mark.usefixtures("signals")
 def test_train_and_resume(flexarm: Shell) -> None:
     again = ("train", *TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
-    result = flexarm(*again)
+    with at_step(20, lambda: signal.raise_signal(signal.SIGINT)):
+        assert "stopped; all 128 steps are kept in runs/Square-v0-ppo-3; " in flexarm(*again, status=130).stderr
+    result = flexarm(*again, "--resume")
     assert "best: swing lap: lost after " in result.stdout
     assert result.stdout.endswith("\nnext: flexarm render runs/Square-v0-ppo-3 --output lap.png\n")
     run = flexarm.folder / "runs" / "Square-v0-ppo-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
     assert flexarm(*again, status=1).stderr.startswith("error: folder = runs/Square-v0-ppo-3: exists and is not empty")
-    flexarm(*again, "--resume")
     told = flexarm("evaluate", "runs/Square-v0-ppo-3", *ALONE).stdout
     lines = [line for line in told.splitlines() if line.startswith("runs/Square-v0-ppo-3")]
     assert [line.split()[1] for line in lines] == ["swing", "plain"]
@@ -64,16 +68,18 @@ def test_train_and_resume(flexarm: Shell) -> None:
         assert re.search(r" -( +-){3} ", line)  # it has no errors
 
 
-def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
+@pytest.mark.parametrize("names", [SOME, pytest.param(shipped_policies(), marks=pytest.mark.slow)], ids=["some", "all"])
+def test_evaluate_scores_what_there_is(flexarm: Shell, monkeypatch: pytest.MonkeyPatch, names: list[str]) -> None:
+    monkeypatch.setattr("flexarm_agents.commands.evaluate.shipped_policies", lambda: names)
     result = flexarm("evaluate", *OUTPUT)
     nominal, other, *tasks = result.stdout.split("\n\n")[1:]
     own = ["scheduler_paper"]  # its arm is not the nominal one
-    elsewhere = ["carry", "race"]  # tasks of their own
-    shipped = [name for name in shipped_policies() if name not in own + elsewhere]
+    elsewhere = [name for name in ("race", "carry") if name in names]  # tasks of their own
+    shipped = [name for name in names if name not in own + elsewhere]
     others = ["ifdc", "flsac", "no torque", "random torque"]
     assert ranked(nominal, [*shipped, *others])[-2:] == others[-2:]
     assert ranked(other, own) == own
-    assert [name for table in tasks for name in elsewhere if f"\n{name} " in table] == ["race", "carry"]
+    assert [name for table in tasks for name in elsewhere if f"\n{name} " in table] == elsewhere
     assert all("ENDED at " in row and re.search(r" -( +-){3} ", row) for row in nominal.splitlines()[-4:])
     told = [line for line in result.stderr.splitlines() if line.strip() and "|" not in line]  # without bars
     assert {line.partition(":")[0] for line in told} == {*shipped, *own, *elsewhere, *others}
