@@ -6,14 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_baselines import paper_system
-from flexarm_env import (
-    ArmParameters,
-    FlexibleArm,
-    LawParameters,
-    SensorParameters,
-    SquareParameters,
-    square,
-)
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters, square
 from scripts.paper.cases import CONTROL_PERIOD, Study
 
 PAPER_CLOCK = {"ifdc": 77.0, "flsac": 100.0}  # [s]; clock time a run, end of section 4

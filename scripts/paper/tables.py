@@ -37,11 +37,7 @@ def everything(
         labels = SWEEP_LABELS | dict.fromkeys(TIP_SWEEPS, "constant gain lambda")
         texts |= {f"sweep_{name}": sweep(rows, name, label) for name, label in labels.items()}
     if decided:
-        texts |= {
-            "verdicts_one_side": one_side(decided),
-            "elbow_claim": elbow_claim(found),
-            "claims": claims(decided),
-        }
+        texts |= {"verdicts_one_side": one_side(decided), "elbow_claim": elbow_claim(found), "claims": claims(decided)}
     return texts
 
 
@@ -200,8 +196,7 @@ def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
 
     head = ["reading", "controller", "overshoot top left [m]", "rigid tip r.m.s. [m]", "true tip r.m.s. [m]"]
     return table(
-        [*head, "elbow changes sides at [s]", "run"],
-        [[r["value"], _NAMES[r["controller"]], *cells(r)] for r in chosen],
+        [*head, "elbow changes sides at [s]", "run"], [[r["value"], _NAMES[r["controller"]], *cells(r)] for r in chosen]
     )
 
 

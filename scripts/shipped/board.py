@@ -28,11 +28,7 @@ MEASURED: dict[str, tuple[Point, ...]] = {
 }
 DRAWN = 64  # episodes of a lap on a task of its own, where each is drawn
 # Controllers that know the model, where the board has them; the first sees the true state, too.
-CONTROLLERS = {
-    "plan_lqr": "true state, best plan (`plan_lqr`)",
-    "lqg": "`lqg`",
-    "lqg_adaptive": "`lqg_adaptive`",
-}
+CONTROLLERS = {"plan_lqr": "true state, best plan (`plan_lqr`)", "lqg": "`lqg`", "lqg_adaptive": "`lqg_adaptive`"}
 
 
 def measured(source: Path, cells: Store) -> dict[str, Any]:

@@ -73,9 +73,7 @@ def test_readings_that_depend_on_one_another_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "arm",
-    [LINEAR, PAPER, FlexibleArm(ArmParameters.linear(modes_per_link=4))],
-    ids=["default", "1 mode", "4 modes"],
+    "arm", [LINEAR, PAPER, FlexibleArm(ArmParameters.linear(modes_per_link=4))], ids=["default", "1 mode", "4 modes"]
 )
 @pytest.mark.parametrize("elbow", [1e-3, 1e-5, 1e-6, 1e-7, 3e-8, 1e-9, 1e-12])
 def test_nearly_straight_arms_have_their_double_zero_or_are_refused(arm: FlexibleArm, elbow: float) -> None:
@@ -122,10 +120,7 @@ test_bad_input_is_refused = refused(
     (lambda: plant(tip(delay=0.1)).pade(0), "order = 0"),
     (lambda: link_zeros(LINEAR, 1, 0.0), "position = 0.0"),
     # frequencies
-    (
-        lambda: frequency_response(plant(), [0.0, 1.0]),
-        r"s = 0j rad/s: is a pole of the arm at theta = \(0, 1\) rad",
-    ),
+    (lambda: frequency_response(plant(), [0.0, 1.0]), r"s = 0j rad/s: is a pole of the arm at theta = \(0, 1\) rad"),
     (lambda: bode(plant(), [-1.0, 2.0]), r"omega = \[-1\.0, 2\.0\]: must be > 0 and increasing"),
     (lambda: bode(plant(), [2.0, 1.0]), r"omega = \[2\.0, 1\.0\]: must be"),
     (lambda: bode(plant(), []), r"omega = \[\]: must be"),

@@ -56,11 +56,7 @@ def test_a_plan_of_another_problem_is_not_reused(tmp_path: Path) -> None:
     plan.save(tmp_path / "plan.npz")
     problem = lap_problem(plan.arm, "plain")
     assert _earlier(tmp_path / "plan.npz", problem, {}) is not None
-    others = (
-        {"limits": (75.0, 25.0)},
-        {"reference": problem.reference + 1e-3},
-        {"period": 0.02},
-    )
+    others = ({"limits": (75.0, 25.0)}, {"reference": problem.reference + 1e-3}, {"period": 0.02})
     for other in others:
         assert _earlier(tmp_path / "plan.npz", replace(problem, **other), {}) is None
     assert _earlier(tmp_path / "plan.npz", problem, {"deflection_limit": 0.1}) is None
