@@ -1,4 +1,4 @@
-"""Markdown tables, and the blocks of docs/ that are generated from results.
+"""Markdown tables, errors in them, and the blocks of docs/ that are generated from results.
 
 A *generated* block is a table or a paragraph that a study writes, from a marker with its name to the next
 `<!-- end -->`. A *quoted* figure stands in the text behind the expression that gives it, as an f-string's field:
@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from flexarm_agents import Spread
 from flexarm_agents.board.tables import table as table
 from flexarm_agents.files import write_text
 
@@ -69,3 +70,14 @@ def span(values: Iterable[float], digits: int = 1) -> str:
     """Write the least and the largest of some values: "5.2 to 5.4"."""
     found = list(values)
     return f"{min(found):.{digits}f} to {max(found):.{digits}f}"
+
+
+def spread_text(spread: Spread, digits: int = 3, scale: float = 1.0) -> str:
+    """Write median, interquartile mean and worst of several trainings, scaled; one figure where there is one."""
+    values = (spread.median, spread.interquartile_mean, spread.worst)[: 3 if spread.total > 1 else 1]
+    return " / ".join("lost" if value is None else f"{scale * value:.{digits}f}" for value in values)
+
+
+def millimetres(error: Spread | float | None, digits: int = 0) -> str:
+    """Write an error [m] of one lap or of several trainings in mm, "lost" where there is none."""
+    return spread_text(error if isinstance(error, Spread) else Spread.of([error]), digits, 1e3)

@@ -29,9 +29,8 @@ from flexarm_baselines.task import Task
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
-from scripts.common.markdown import table
+from scripts.common.markdown import millimetres, table
 from scripts.common.plotting import COLOURS, WIDTH
-from scripts.common.spreads import millimetres
 from scripts.common.study import Trial, study
 from scripts.control.trials import run_laps
 

@@ -11,8 +11,7 @@ import numpy as np
 from flexarm_agents import Spread
 from flexarm_agents.board.measure import PUBLISHED
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import DOCS
-from scripts.common.spreads import millimetres
+from scripts.common.markdown import DOCS, millimetres
 
 FOLDER = DOCS / "figures" / "agents"
 

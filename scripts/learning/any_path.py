@@ -16,9 +16,8 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import SETTLED
 from flexarm_env.rollout import run_batch
 from scripts.common.command_line import run
-from scripts.common.markdown import table
+from scripts.common.markdown import millimetres, table
 from scripts.common.result_files import write_json
-from scripts.common.spreads import millimetres
 from scripts.common.study import Study
 from scripts.learning.agents import FOLDER
 

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from flexarm_agents.board.terms import best_plans
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import table
+from scripts.common.markdown import millimetres, table
 from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_interquartile_mean
-from scripts.common.spreads import millimetres
 from scripts.common.study import Study
 from scripts.learning.agents import FOLDER, Agent, Agents, committed
 

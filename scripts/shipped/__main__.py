@@ -3,7 +3,6 @@
 When the command is given again, interrupted trainings are resumed and finished ones reused.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,12 +71,8 @@ def train_and_ship(name: str, options: Options) -> None:
 def write_tables(output: Path) -> None:
     """Write the tables, and bring the pages that show them up to date."""
     output.mkdir(parents=True, exist_ok=True)
-    cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
-    texts = {
-        "nominal_plant": board.nominal(cards),
-        "unknown_plant": board.unknown(cards),
-        "own_tasks": board.own_tasks(cards),
-    }
+    tables = {"nominal_plant": board.nominal, "unknown_plant": board.unknown, "own_tasks": board.own_tasks}
+    texts = {name: tabulate(board.cards()) for name, tabulate in tables.items()}
     for name, text in texts.items():
         write_text(output / f"{name}.md", text)
     for page in fill_pages(texts):

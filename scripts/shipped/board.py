@@ -15,10 +15,10 @@ from flexarm_agents.board.measure import PUBLISHED
 from flexarm_agents.board.summary import QUANTILES, merged, point_summary
 from flexarm_agents.board.tables import UNKNOWN, unknown_cells
 from flexarm_agents.board.terms import TASKS
-from flexarm_agents.policies.load import load_policy
+from flexarm_agents.policies.load import POLICIES, load_policy
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import table
-from scripts.common.spreads import millimetres, spread_text
+from scripts.common.markdown import millimetres, spread_text, table
+from scripts.shipped.agents import AGENTS
 
 Figures = Mapping[str, Any]  # by `TASKS` of the board and "unknown", then by lap
 Card = Mapping[str, Any]  # of a shipped agent
@@ -29,6 +29,11 @@ MEASURED: dict[str, tuple[Point, ...]] = {
 DRAWN = 64  # episodes of a lap on a task of its own, where each is drawn
 # Controllers that know the model, where the board has them; the first sees the true state, too.
 CONTROLLERS = {"plan_lqr": "true state, best plan (`plan_lqr`)", "lqg": "`lqg`", "lqg_adaptive": "`lqg_adaptive`"}
+
+
+def cards() -> dict[str, Card]:
+    """Read the cards of all shipped agents."""
+    return {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
 
 
 def measured(source: Path, cells: Store) -> dict[str, Any]:

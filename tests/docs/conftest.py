@@ -12,7 +12,6 @@ from tests.support.programs import ROOT, run_study
 
 @pytest.fixture(scope="session")
 def built() -> Path:
-    """Build the site once."""
     for needed in ("sphinx", "myst_nb", "furo", "notfound"):
         pytest.importorskip(needed, reason="the extra `site` brings it")
     done = run_study("docs.site", cwd=ROOT)

@@ -98,7 +98,6 @@ def test_the_index_is_not_cut_off_on_a_phone(browser: Browser) -> None:
 
 
 def results(browser: Browser, query: str) -> list[str]:
-    """Return the titles that search finds, in their order."""
     browser.open(f"search.html?q={query}")
     browser.until("document.querySelector('#search-results .search-summary').textContent !== ''")
     browser.until("!document.querySelector('#search-results').textContent.includes('Searching')")

@@ -25,7 +25,6 @@ MOST_BYTES = 60_000  # of a tutorial's picture
 
 
 def page_case(page: Path) -> Any:
-    """Make the page a test's parameter."""
     marks = [pytest.mark.slow] if page in LONG else []
     return pytest.param(page, marks=marks, id=str(page.relative_to(ROOT)))
 

@@ -3,7 +3,6 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from scripts.docs.arm_pictures import COMPARED, LAP, Lap, still, terms
 from scripts.docs.drawn_arm import ARM, links, recorded, rigid
 from scripts.docs.pictures import PICTURES
 from scripts.shipped import board
-from scripts.shipped.agents import AGENTS
 from tests.support.boards import leaves
 from tests.support.programs import ROOT
 
@@ -29,7 +27,6 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 @pytest.fixture(scope="module")
 def lap() -> Lap:
-    """Return a lap that is drawn."""
     return recorded("lqg", LAP)
 
 
@@ -104,11 +101,6 @@ def test_the_readme_is_short() -> None:
 # --- the tables of the pages about agents ----------------------------------------------------------------------------
 
 
-def cards() -> dict[str, dict[str, Any]]:
-    """Read the cards of all shipped agents."""
-    return {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
-
-
 # Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;
 # under feedback that grows no further: 1.3e-7 of a lap's largest error was seen. The pages show three or four digits.
 ROUNDING = 1e-5
@@ -119,7 +111,7 @@ ROUNDING = 1e-5
 )
 def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its laps give what the card says of that seed."""
-    card = cards()["student_unknown"]
+    card = board.cards()["student_unknown"]
     (shipped,) = (one for one in card["trainings"] if one["seed"] == card["config"]["seed"])
     monkeypatch.setattr(board, "MEASURED", {part: board.MEASURED[part]})
     found = dict(leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path))))
@@ -132,6 +124,6 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
 def test_the_tables_of_trainings_are_those_of_the_cards() -> None:
     """And of the published board, where controllers stand beside."""
     page = shown_blocks()
-    assert page["nominal_plant"] == board.nominal(cards())
-    assert page["unknown_plant"] == board.unknown(cards())
-    assert page["own_tasks"] == board.own_tasks(cards())
+    assert page["nominal_plant"] == board.nominal(board.cards())
+    assert page["unknown_plant"] == board.unknown(board.cards())
+    assert page["own_tasks"] == board.own_tasks(board.cards())

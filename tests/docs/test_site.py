@@ -19,7 +19,6 @@ PAGES = [
 
 @pytest.fixture(scope="module")
 def laid_out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the site's sources."""
     folder = tmp_path_factory.mktemp("site") / "pages"
     site.lay_out(folder)
     return folder

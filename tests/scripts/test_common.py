@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from flexarm_agents import Spread
 from scripts.common import markdown, study
-from scripts.common.markdown import fill_pages, shown_blocks
-from scripts.common.spreads import millimetres, spread_text
+from scripts.common.markdown import fill_pages, millimetres, shown_blocks, spread_text
 from scripts.common.study import Study, Trials, command
 from tests.support.programs import refusal
 

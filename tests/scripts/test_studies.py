@@ -108,7 +108,6 @@ def prose() -> str:
 
 
 def assert_on_page(block: str, text: str) -> None:
-    """Assert that a page's block has all lines of a table."""
     shown = shown_blocks()[block].splitlines()
     lines = text.splitlines()
     assert len(lines) > 2
@@ -139,7 +138,6 @@ def test_the_page_says_where_the_law_is_active() -> None:
 
 @pytest.fixture(scope="module")
 def linear() -> dict[str, Any]:
-    """Return what the linear theory says of the paper's arm under IFDC."""
     rows = margins.rows(["paper's arm"], ["IFDC"])
     return {
         "rows": rows,
