@@ -1,7 +1,6 @@
 """`python -m scripts.paper` end to end, and the committed tables against what it produces."""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,7 @@ from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import cases, checks, claims, tables, verdicts
 from scripts.paper.measures import Workspace, measures
-from tests.support.programs import ROOT, results_of, run_study
-
-run_script = partial(run_study, "paper")
+from tests.support.programs import ROOT, results_of, run_here
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +127,7 @@ def test_claims_of_one_side_are_decided_where_the_elbow_keeps_it(results: Path) 
         assert all(4.0 < row["elbow_changes"][0] < 4.5 for row in flsac), "FLSAC's at the first corner in every arm"
 
 
+@pytest.mark.compiled
 def test_part_of_the_cases(tmp_path: Path) -> None:
     """A subset with other options; claims need all cases and are not decided. An old result is replaced whole."""
     output = tmp_path / "part"
@@ -139,9 +137,9 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
     parameters = tmp_path / "arm.toml"
     parameters.write_text("payload_mass = 0.2\n")
     chosen = ["--controllers", "flsac", "--sensings", "nmp", "--places", "tip", "--no-sweeps", "--no-figures"]
-    options = ["--K-s", "2", "--lap-time", "8", "--parameters", str(parameters)]
-    done = run_script("--output", str(output), *chosen, *options)
-    assert done.returncode == 0, done.stderr
+    options = ["--K-s", "2", "--lap-time", "8", "--workers", "1", "--parameters", parameters]
+    status, printed = run_here("paper", "--output", output, *chosen, *options)
+    assert not status, printed
     assert not (output / "old").exists()
     assert not (output / "claims.json").exists()
     run = Trajectory.load(output / "runs" / "paper__flsac_nmp_tip.npz")

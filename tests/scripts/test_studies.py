@@ -141,9 +141,7 @@ def linear() -> dict[str, Any]:
     rows = margins.rows(["paper's arm"], ["IFDC"])
     return {
         "rows": rows,
-        "room": margins.room(rows),
-        "by_modes": margins.by_modes((1, 2)),
-        "profile": margins.profile(2, ["IFDC"]),
+        "by_modes": margins.by_modes((1,)),
         "largest_gains": margins.largest_gains([], (1,)),
     }
 
