@@ -23,14 +23,10 @@ def text() -> str:
     seen: dict[tuple[str, str], str] = {}  # each row, and the command that has it first
     for verb, (name, _) in VERBS.items():
         reader = import_module(f"flexarm_agents.commands.{name}").parser()
-        parts += [f"## `{reader.prog}`\n", f"{about(reader)}\n"]
+        about = " ".join((reader.description or "").partition("\n\n")[0].split())
+        parts += [f"## `{reader.prog}`\n", f"{about}\n"]
         parts.append(algorithms() if verb == "train" else options_table(reader, seen))
     return "\n".join(filter(None, parts))
-
-
-def about(reader: Reader) -> str:
-    """Return what a command does: the first paragraph of its help."""
-    return " ".join((reader.description or "").partition("\n\n")[0].split())
 
 
 def options_table(reader: Reader, seen: dict[tuple[str, str], str]) -> str:
