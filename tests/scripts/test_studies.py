@@ -141,7 +141,7 @@ def linear() -> dict[str, Any]:
     rows = margins.rows(["paper's arm"], ["IFDC"])
     return {
         "rows": rows,
-        "by_modes": margins.by_modes((1,)),
+        "by_modes": margins.by_modes((2,)),
         "largest_gains": margins.largest_gains([], (1,)),
     }
 
