@@ -10,8 +10,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
@@ -145,15 +145,8 @@ def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
-    started: list[Running] = []
-
-    def begin(**given: Any) -> Running:
-        started.append(Running(tmp_path, **given))
-        return started[-1]
-
-    yield begin
-    for script in started:
-        script.close()
+    with ExitStack() as stack:
+        yield lambda **given: stack.enter_context(closing(Running(tmp_path, **given)))
 
 
 @pytest.fixture
@@ -253,11 +246,11 @@ def test_a_worker_that_dies_ends_the_script(running: Running) -> None:
     assert {path.name for path in running.folder.iterdir()} == {"pids", "script.py"}
 
 
-def test_undisturbed_it_is_complete(tmp_path: Path) -> None:
-    script = Running(tmp_path, seconds=0.5)
+def test_undisturbed_it_is_complete(start: Callable[..., Running]) -> None:
+    script = start(seconds=0.5)
     assert script.errors() == ""
     assert script.process.returncode == 0
-    assert {path.name for path in (tmp_path / "results").iterdir()} == {"half", "marker"}
+    assert {path.name for path in (script.folder / "results").iterdir()} == {"half", "marker"}
     assert not any(is_running(worker) for worker in script.workers)
 
 
