@@ -19,8 +19,7 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
     Returns:
         The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
         `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`; `checks`: how many;
-        `planned`: distance from the chain under gentle feedback along the plan [mm]; `limits` and `spin`: bends [% of
-        the length] and spins [rad/s] up to which the linear model is right to 10 mm.
+        `planned`: distance from the chain under gentle feedback along the plan [mm].
     """
     quoted = {name: group["quoted"] for name, group in record["groups"].items()}
     engine = quoted["engine"]
@@ -31,15 +30,10 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
     def planned(lap: str, model: str, what: str = "rms") -> str:
         return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, {what}']:.1f}"
 
-    def spin(until: str) -> str:
-        return f"{engine['first clamped'] * engine[f'spin, linear, 2 modes, {until}']:.1f}"
-
     return {
         **quoted,
         "engines": engines,
         "orders": [check["figure"] for check in record["checks"] if "that furthest from 5" in check["name"]],
-        "limits": engines("limit, linear, 2 modes, {}, 10 mm", "smooth torques", "torques that jump"),
-        "spin": spin,
         "planned": planned,
         "checks": len(record["checks"]),
         "span": span,
@@ -64,11 +58,11 @@ def of_reproduction(results: Path) -> dict[str, Any]:
     def claims(verdict: str = "") -> int:
         return verdicts.count(verdict) if verdict else len(verdicts)
 
-    def over(name: str, column: str = "paper", switch: int = 0) -> str:
-        return f"{runs[column][name]['rigid_overshoot'][switch]:.2f}"
+    def over(name: str, column: str = "paper") -> str:
+        return f"{runs[column][name]['rigid_overshoot'][0]:.2f}"
 
-    def rms(name: str, column: str = "paper", tip: str = "true") -> str:
-        return f"{runs[column][name][f'{tip}_tip_rms']:.2f}"
+    def rms(name: str, tip: str = "true") -> str:
+        return f"{runs['paper'][name][f'{tip}_tip_rms']:.2f}"
 
     def three(controller: str) -> str:
         return " / ".join(over(f"{controller}_{sensing}_tip") for sensing in ("collocated", "nmp", "corrected"))
@@ -82,7 +76,7 @@ def of_reproduction(results: Path) -> dict[str, Any]:
         return swept("constant_gain", gain, key, sensing)
 
     def of_run(key: str) -> Callable[..., str]:
-        return lambda name, *place: f"{runs['paper'][name][key][place[0]] if place else runs['paper'][name][key]:.2f}"
+        return lambda name: f"{runs['paper'][name][key]:.2f}"
 
     modal = [runs["paper"][f"ifdc_{sensing}_tip"]["peak_deflection"][0] / 0.2 for sensing in ("collocated", "nmp")]
     return {
