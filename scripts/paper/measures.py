@@ -39,7 +39,8 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
             else float("nan")
             for k in (1, 2, 3)
         ]
-    figures["vibration_by_side"] = [vibration(run, *window) for window in _sides(run, lap_time)]
+    side, ends = 0.25 * lap_time, [0.25 * lap_time * k for k in range(1, 5)]
+    figures["vibration_by_side"] = [vibration(run, end - side, end) for end in ends if run.time[-1] >= end - 1e-9]
     whole = not ended_early(run)
     fit = circle_fit(run.rigid_tip)
     figures["tip_acceleration"] = tip_acceleration(run) if whole else None
@@ -80,12 +81,6 @@ class Workspace:
     def along(self, overshoot: float) -> float:
         """Return how far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
         return max(0.0, float(self.corner - np.sqrt(self.reach**2 - (self.corner + overshoot) ** 2)))
-
-
-def _sides(run: Trajectory, lap_time: float) -> list[tuple[float, float]]:
-    """Start and end of each side that the run completes [s]."""
-    ends = [0.25 * lap_time * k for k in range(1, 5)]
-    return [(end - 0.25 * lap_time, end) for end in ends if run.time[-1] >= end - 1e-9]
 
 
 def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:
