@@ -94,7 +94,7 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
     offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9, 18, 28, 40, 54, 70, 90, 115, 145) for turn in turns]
     for name, colour, *place in sorted(dots, key=lambda dot: (-dot[2], dot[3])):
         start, written = axis.transData.transform(place), axis.text(0.0, 0.0, name, transform=axis.transAxes)
-        size = written.get_window_extent().size
+        size = np.array(written.get_window_extent().size)
         written.remove()
         for free, offset in product((True, False), offsets):
             side = 0.0 if offset[0] > 1.0 else 1.0 if offset[0] < -1.0 else 0.5  # of the name, where the leader ends
