@@ -14,7 +14,7 @@ from flexarm_agents.board.summary import nominal_errors
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.markdown import DOCS, shown_blocks
 from scripts.docs import lap_pictures, motion_pictures, overview_pictures
-from scripts.docs.arm_pictures import COMPARED, LAP, Lap, still, terms
+from scripts.docs.arm_pictures import COMPARED, LAP, still, terms
 from scripts.docs.drawn_arm import ARM, links, recorded, rigid
 from scripts.docs.pictures import PICTURES
 from scripts.shipped import board
@@ -25,11 +25,6 @@ ROWS = {row["name"]: row for row in json.loads(PUBLISHED.read_text())["rows"]}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def lap() -> Lap:
-    return recorded("lqg", LAP)
-
-
 @pytest.mark.parametrize("row", sorted({*COMPARED, *lap_pictures.SHOWN}))
 def test_a_drawn_lap_is_the_one_that_the_board_measured(row: str) -> None:
     one = recorded(row, LAP)
@@ -38,7 +33,8 @@ def test_a_drawn_lap_is_the_one_that_the_board_measured(row: str) -> None:
     assert np.sqrt(np.mean(one.away**2)) == pytest.approx(errors["rms"], abs=2e-4)
 
 
-def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
+def test_the_arm_is_drawn_as_it_is_bent() -> None:
+    lap = recorded("lqg", LAP)
     now = lap.at(0.3)
     one, two = links(lap.q[now])
     assert one[-1] == pytest.approx(two[0], abs=1e-12)

@@ -175,17 +175,12 @@ def test_the_lock_names_the_release_of_torch_that_is_wanted() -> None:
     assert f"\n{wanted}\n" in (ROOT / "constraints.txt").read_text(encoding="utf-8")
 
 
-def listed() -> dict[str, str]:
-    """Return the table of extras in docs/install.md: what each brings."""
+def test_the_page_says_what_each_extra_brings() -> None:
+    """It does not list the tools of `test`, and of `dev` what this lacks."""
     page = (ROOT / "docs/install.md").read_text(encoding="utf-8")
     table = page.partition("| extra | brings |")[2].partition("\n\n")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
-    return {row[0].strip("`"): row[1] for row in rows}
-
-
-def test_the_page_says_what_each_extra_brings() -> None:
-    """It does not list the tools of `test`, and of `dev` what this lacks."""
-    found = {extra: set(re.findall(r"`([^`]+)`", text)) for extra, text in listed().items()}
+    found = {row[0].strip("`"): set(re.findall(r"`([^`]+)`", row[1])) for row in rows}
     expected = {extra: others(extra) | included(extra) for extra in EXTRAS}
     assert found == expected | {"test": included("test"), "dev": EXTRAS.keys() - reached("dev") - {"none"}}
     assert others("dev") == set()
