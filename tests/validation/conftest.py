@@ -16,7 +16,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from scripts.common.markdown import table
-from scripts.common.plotting import save
+from scripts.common.plotting import headline, save
 
 
 class Check(NamedTuple):
@@ -54,7 +54,10 @@ class Page:
     def table(self, name: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         self._record("table", json.dumps({name: table(header, rows)}))
 
-    def picture(self, figure: Figure, name: str) -> None:
+    def picture(self, figure: Figure, name: str, title: str = "") -> None:
+        """Save a picture; `title`: what its panels compare."""
+        if title:
+            headline(figure, title)
         save(figure, self._figures, name)
 
 

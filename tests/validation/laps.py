@@ -5,24 +5,28 @@ part of its bending which the model's own shapes can express (`flexarm_env.chain
 plan see it through the drivers of their own environment.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import count
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from flexarm_agents.board.entries import Entry
-from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
+from flexarm_baselines.optimal import GOOD, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
+from flexarm_env.codegen.arrays import Four
+from flexarm_env.envs.drawing import Drawing, drawing_of
+from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS, SETTLED
+from flexarm_env.physics.coordinates import rigid_tip
+from flexarm_env.physics.sensing import Truth
 from flexarm_env.predictor import predictor
-from scripts.common.plotting import WIDTH, headline, label_ends, plain_ticks, running_rms
 from tests.validation.arms import EngineChain, Gauges, Modal, Plant
-from tests.validation.hosted import HostedEnv
 from tests.validation.kept import kept
 from tests.validation.motion import HELD, Array, apart, rms
 
@@ -39,7 +43,6 @@ MODELS = {f"{n} polynomials": ArmParameters(modes_per_link=n) for n in (2, 3, 4)
 ARMS = MODELS | {FORMER: ArmParameters.linear()}
 # by their elements a link; their difference is the second one's error, times three
 COARSE, CHAIN = CHAINS = {f"chain, {n} elements": n for n in (10, 20)}
-WINDOW = 50  # control periods that a picture takes together: half a second
 
 
 class Lap(NamedTuple):
@@ -83,24 +86,87 @@ def away(tip: Array, other: Array) -> Away:
     return Away(rms(found), float(found.max()), rms(found[round(SETTLED / HELD) :]))
 
 
-class Controller(Protocol):
-    def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
-        """Take an arm at rest on the first corner; return what does a control period: torque, tip after each `HELD`."""
+def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] = ()) -> Lap:
+    """Run a controller on an arm at rest on its first corner; models' states are read off the arm.
 
-
-def run_lap(controller: Controller, plant: Plant, models: Sequence[FlexibleArm] = (), seconds: float = SECONDS) -> Lap:
-    """Run a controller for some seconds on an arm at rest on its first corner; models' states are read off the arm."""
+    A controller's `begin` returns what does a control period, and gives its torque and the tip after each `HELD`.
+    """
     gauges = [Gauges(arm) for arm in models]
     tips, torques = [plant.look().tip[None]], []
     states: list[list[Array]] = [[] for _ in models]
     next_period = controller.begin(plant)
-    for _ in range(round(seconds / (HELD * PERIODS))):
+    for _ in range(round(SECONDS / (HELD * PERIODS))):
         for gauge, rows in zip(gauges, states, strict=True):
             rows.append(gauge.state(plant.bend()))
         torque, tip = next_period()
         torques.append(torque)
         tips.append(tip)
     return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states])
+
+
+class AnyArm:
+    """An arm of the studies as that of an environment (`flexarm_env.envs.hosted.Plant`); it keeps where the tip was.
+
+    Encoders and the late sensor read the arm itself, strain gauges that part of its bending which the environment's own
+    shapes can express (`flexarm_env.chain.gauges`). `torque` [N m] acted last.
+    """
+
+    def __init__(self, arm: Plant, settings: Settings) -> None:
+        """Take an arm that is where the episode begins."""
+        own = settings.flexible_arm
+        end = settings.sensor, settings.sensor_position
+        assert end == ("true", own.parameters.link_lengths[1]), "the sensor must read the end of link 2"
+        self._periods = round(settings.control_period / settings.substeps / HELD)
+        whole = np.isclose(self._periods * HELD * settings.substeps, settings.control_period)
+        assert whole, f"the physics step must be a multiple of {HELD} s"
+        self._arm, self._settings, self._gauges = arm, settings, Gauges(own)
+        self._tips: list[Array] = []
+        self.torque = np.zeros(2)
+
+    def taken(self) -> Array:
+        """Return where the tip was every `HELD` since the last call. Shape (n, 2)."""
+        tips, self._tips = self._tips, []
+        return np.concatenate(tips)
+
+    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+        assert np.allclose(self._arm.look().joints, state[:2], atol=1e-9), "the arm must be where the episode begins"
+
+    def advance(self, command: Array, reference: Four | None) -> Array:
+        self.torque = np.array(command)
+        self._tips.append(self._arm.advance(command, self._periods))
+        return command
+
+    def readings(self) -> Array:
+        return self._arm.end()
+
+    def encoders(self) -> Array:
+        sight = self._arm.look()
+        return np.concatenate([sight.joints, sight.rates])
+
+    def truth(self) -> Truth:
+        sight, state = self._arm.look(), self._gauges.state(self._arm.bend())
+        own = self._settings.flexible_arm
+        rigid = rigid_tip(own.parameters.link_lengths, sight.joints)
+        deflections = (own.tip_deflection(half).tolist() for half in np.split(state, 2))
+        return Truth(state.tolist(), sight.tip.tolist(), rigid.tolist(), *deflections)
+
+    def drawing(self) -> Drawing:
+        return drawing_of(self._settings, self._gauges.state(self._arm.bend()))
+
+
+class HostedEnv(FlexArmEnv):
+    """An environment around an arm of the studies; it ends no episode early."""
+
+    host: AnyArm  # the arm
+
+    def __init__(self, arm: Plant, **options: Any) -> None:
+        """Lay it out around an arm where the episode begins."""
+        self._given = arm
+        super().__init__(**(options | {"deflection_limit": None, "error_limit": None}))
+
+    def _simulator_of(self, settings: Settings) -> HostedSimulator:
+        self.host = AnyArm(self._given, settings)
+        return HostedSimulator(settings, self.host)
 
 
 class Hosted:
@@ -127,12 +193,14 @@ class Hosted:
         return do_period
 
 
+_plan = cache(lambda lap: plan_lap(FlexibleArm(), lap))
+
+
 class Regulator:
     def __init__(self, lap: str, weights: RegulatorWeights) -> None:
         """Plan the lap, and compute the gains."""
-        self.plan = _plan(lap)
-        self._regulator = PlanRegulator(self.plan, weights)
-        self._gauges = Gauges(self.plan.arm)
+        plan = _plan(lap)
+        self._regulator, self._gauges = PlanRegulator(plan, weights), Gauges(plan.arm)
 
     def begin(self, plant: Plant) -> Callable[[], tuple[Array, Array]]:
         times = (n * HELD * PERIODS for n in count())
@@ -144,9 +212,7 @@ class Regulator:
         return do_period
 
 
-@cache
-def _plan(lap: str) -> Plan:
-    return plan_lap(FlexibleArm(), lap)
+Controller = Hosted | Regulator
 
 
 def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) -> Plant:
@@ -161,11 +227,6 @@ def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) 
     return chain
 
 
-def on_start(lap: str, plant: str) -> Plant:
-    """Set one of `ARMS`, or one of `CHAINS` of the default arm, on the first corner of a lap."""
-    return on_corner(ARMS.get(plant, ArmParameters()), lap, CHAINS.get(plant))
-
-
 @cache
 def controller(lap: str, name: str) -> Controller:
     """Return one of the tables' controllers."""
@@ -176,27 +237,12 @@ def controller(lap: str, name: str) -> Controller:
 
 @kept
 def lap_of(lap: str, name: str, plant: str) -> Lap:
-    """Run a controller on an arm; off the chain that others are compared with, models' states are read."""
+    """Run a controller on one of `ARMS` or `CHAINS`; off `CHAIN`, models' states are read."""
     models = [FlexibleArm(parameters) for parameters in MODELS.values()] if plant == CHAIN else []
-    return run_lap(controller(lap, name), on_start(lap, plant), models)
+    arm = on_corner(ARMS.get(plant, ArmParameters()), lap, CHAINS.get(plant))
+    return run_lap(controller(lap, name), arm, models)
 
 
 def from_chain(lap: str, name: str, plant: str) -> Away:
     """Return how far an arm's tip is from the chain's."""
     return away(lap_of(lap, name, plant).tip, lap_of(lap, name, CHAIN).tip)
-
-
-def over_time(lines: Mapping[tuple[str, tuple[str, str]], NDArray[np.float64]], title: str) -> Figure:
-    """Draw distances in each control period [m] by lap, and by text and colour of the line; one panel a lap."""
-    figure, axes = plt.subplots(len(LAPS), figsize=(WIDTH, 6.4), sharex=True)
-    for axis, lap in zip(axes, LAPS, strict=True):
-        own = {look: 1e3 * running_rms(away, WINDOW) for (one, look), away in lines.items() if one == lap}
-        for (_, colour), away in own.items():
-            axis.semilogy(HELD * PERIODS * np.arange(len(away)), away, color=colour, linewidth=1.6)
-        axis.set(title=f"{lap} lap", ylabel="r.m.s. over 0.5 s [mm]", ylim=(0.5, 1000.0), xlim=(0.0, 16.0))
-        plain_ticks(axis.yaxis)
-        axis.set_xticks(range(0, 17, 4))
-        label_ends(axis, [*own], [away[-1] for away in own.values()])
-    axes[-1].set_xlabel("time [s]")
-    headline(figure, title)
-    return figure

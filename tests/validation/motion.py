@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.metrics.window import rms as rms
 from flexarm_env.parameters import MAX_MODES, Kinematics, ModeShapes
 
 Array = NDArray[np.float64]
@@ -181,10 +182,6 @@ def apart(one: Array, other: Array) -> Array:
     """Return the distance between two tips [m], as long as both are recorded. Shape (n,)."""
     count = min(len(one), len(other))
     return np.linalg.norm(one[:count] - other[:count], axis=1)
-
-
-def rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def low_passed(angles: Array) -> Array:

@@ -1,8 +1,8 @@
 """The package's arm in small motion about rest: its frequencies, by shapes and joints that are locked."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,8 +10,17 @@ from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import ModeShapes
+from tests.validation.conftest import Check
 from tests.validation.motion import Array
 
+BARE = ArmParameters.linear(damping_ratio=0.0)
+PAYLOAD: dict[str, Any] = {"payload_mass": 0.5, "payload_inertia": 0.1}
+# link 2 differs from the paper's, so that no length, rigidity or density can stand for another
+UNEQUAL: dict[str, Any] = {
+    "link_lengths": (4.5, 3.1),
+    "flexural_rigidities": (1676.0, 830.0),
+    "masses_per_length": (0.335, 0.21),
+}
 MODES = (1, 2, 3, 4)
 BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that a link may bend in
 SHAPES = [(basis, modes) for basis in BASES for modes in MODES]
@@ -39,6 +48,25 @@ class Case(NamedTuple):
         """The largest growth of a frequency with one more mode, relative."""
         pairs = [(self.found[b, m], self.found[b, m + 1]) for b, m in SHAPES if m < MODES[-1]]
         return max(float((more[: len(fewer)] / fewer - 1.0).max()) for fewer, more in pairs)
+
+
+def rayleigh_and_ritz(least: str, cases: Callable[[], Iterable[Case]], rounding: str) -> tuple[Check, Check]:
+    """Return the checks of the bounds on errors, by the name of the first one, and on growth."""
+    reason = f"(rounding {rounding})"
+    return (
+        Check(
+            least,
+            lambda: min(case.least_error for case in cases()),
+            f"Rayleigh and Ritz: a model of fewer shapes is stiffer, its frequencies are upper bounds {reason}",
+            least=-float(rounding),
+        ),
+        Check(
+            "largest growth of a frequency with one more mode",
+            lambda: max(case.growth for case in cases()),
+            f"Rayleigh and Ritz: one more shape can only lower every frequency {reason}",
+            most=float(rounding),
+        ),
+    )
 
 
 def with_shapes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:

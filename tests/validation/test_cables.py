@@ -57,14 +57,9 @@ def largest(change: Callable[[str], float]) -> Callable[[], float]:
     return lambda: max(map(change, recorded.DOUBLED))
 
 
+MESH = f"smooth torques: the tip with {FINEST} elements a cable instead of {ELEMENTS}"
 test_checks = checked(
-    Check(
-        f"smooth torques: the tip with {FINEST} elements a cable instead of {ELEMENTS}",
-        largest(changes),
-        TENTH,
-        "mm",
-        most=0.1,
-    ),
+    Check(MESH, largest(changes), TENTH, "mm", most=0.1),
     Check("the same with the step halved", largest(halved), TENTH, "mm", most=0.1),
     Check("the same with a third of the axial stiffness, r.m.s.", largest(softened), TENTH, "mm", most=0.1),
     Check(

@@ -14,7 +14,7 @@ import pytest
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
-from scripts.common.plotting import COLOURS, INK, ORANGE, SOFT, WIDTH, headline
+from scripts.common.plotting import COLOURS, INK, ORANGE, SOFT, WIDTH
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.motion import Array
 from tests.validation.small_motion import rate
@@ -22,8 +22,7 @@ from tests.validation.test_drift import loss_bound
 
 pytestmark = pytest.mark.validation
 
-PULSE = 0.2  # [s], each half of the doublet
-TIME = 1.0  # [s]
+PULSE, TIME = 0.2, 1.0  # each half of the doublet, the whole run [s]
 STEP, SUBSTEPS = 1e-3, 4
 ENDED = round(2.0 * PULSE / STEP) + 1  # instants until the torque ends
 ELBOW = 1.0  # theta2 at the start [rad]
@@ -153,5 +152,4 @@ def test_picture(page: Page) -> None:
     axes[1, 0].set_title("energy, while the torque lasts")
     axes[1, 1].set_title("tip, while the torque lasts")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncol=4)
-    headline(figure, "The paper's forces, without some Coriolis terms, by amplitude of the torque")
-    page.picture(figure, "coriolis")
+    page.picture(figure, "coriolis", "The paper's forces, without some Coriolis terms, by amplitude of the torque")

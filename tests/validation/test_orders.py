@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 import flexarm_env
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SquareParameters, inverse_kinematics, square
 from flexarm_env.parameters import Kinematics
-from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, headline, number_ticks
+from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, number_ticks
 from tests.support.loops import resting_at
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.motion import Array
@@ -52,34 +52,23 @@ class Study(NamedTuple):
 
 FOUR = "the classical Runge-Kutta method has order 4, and the problem is smooth within every step"
 THREE = "ARS(4,4,3) has order 3 where the step resolves the law's fastest pole"
+LATE = f"{THREE}; the delay line's cubic interpolation is of order 4"
+STIFF = "steps about the fastest pole's time constant: between 3, the method's, and 2, its stages' plus one"
+FORESHORTENED = "Runge-Kutta 4, torques held, foreshortened arm"
 OF_FOUR, OF_THREE = (3.8, 4.3), (2.7, 3.3)
 STUDIES = {
     "Runge-Kutta 4, torques held": Study(lambda h: held_torques(h, "linear"), 1e-3, OF_FOUR, FOUR),
-    "Runge-Kutta 4, torques held, foreshortened arm": Study(
-        lambda h: held_torques(h, "foreshortened"), 1e-3, OF_FOUR, FOUR
-    ),
+    FORESHORTENED: Study(lambda h: held_torques(h, "foreshortened"), 1e-3, OF_FOUR, FOUR),
     "Runge-Kutta 4, torque a function": Study(lambda h: function_torque(h), 1e-3, OF_FOUR, FOUR),
     "Runge-Kutta 4 with the joint-space law": Study(lambda h: tracking_law(h), 2.5e-4, OF_FOUR, FOUR),
     "ARS(4,4,3), soft law": Study(lambda h: paper_law(h, SOFT_GAIN, 0.0), 5e-4, OF_THREE, THREE),
-    "ARS(4,4,3), soft law, delayed sensor": Study(
-        lambda h: paper_law(h, SOFT_GAIN, DELAY),
-        5e-4,
-        OF_THREE,
-        f"{THREE}; the delay line's cubic interpolation is of order 4",
-    ),
-    "ARS(4,4,3), stiff law": Study(
-        lambda h: paper_law(h, STIFF_GAIN, 0.0),
-        5e-4,
-        (1.7, 3.3),
-        "steps about the fastest pole's time constant: between 3, the method's, and 2, its stages' plus one",
-        count=3,
-    ),
+    "ARS(4,4,3), soft law, delayed sensor": Study(lambda h: paper_law(h, SOFT_GAIN, DELAY), 5e-4, OF_THREE, LATE),
+    "ARS(4,4,3), stiff law": Study(lambda h: paper_law(h, STIFF_GAIN, 0.0), 5e-4, (1.7, 3.3), STIFF, count=3),
 }
 
 
 @cache
 def errors(name: str) -> list[float]:
-    """Return the errors of a study with each of its steps."""
     return STUDIES[name].errors(STUDIES[name].steps)
 
 
@@ -104,8 +93,7 @@ def test_picture(page: Page) -> None:
     number_ticks(axis.xaxis, (0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0))
     axis.minorticks_off()
     figure.legend(loc="outside lower left")
-    headline(figure, "Errors of the integrators by their step, with the observed orders")
-    page.picture(figure, "orders")
+    page.picture(figure, "orders", "Errors of the integrators by their step, with the observed orders")
 
 
 def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> Array:
@@ -166,8 +154,10 @@ def tracking_law(steps: Array) -> list[float]:
 
     On the default arm the law's pole is ten times as fast, and no step that is stable is long enough to show an order.
     """
-    runs = [states_of(_residual_env(physics_step=h), ACTION, start="corner") for h in steps]
-    expected = _residual_expected(runs[0][0])
+    given = {"arm": "linear", "elbow_branch": "positive", "torque_limit": LIMIT}
+    envs = [gymnasium.make("FlexArm/SquareResidual-v0", physics_step=h, **given).unwrapped for h in steps]
+    runs = [states_of(env, ACTION, start="corner") for env in envs]
+    expected = _residual_expected(envs[0], runs[0][0])
     return [worst(run, expected) for run in runs]
 
 
@@ -178,15 +168,8 @@ def states_of(env: Any, action: Array, **begin: Any) -> Array:
     return np.array(states)
 
 
-def _residual_env(**options: Any) -> Any:
-    return gymnasium.make(
-        "FlexArm/SquareResidual-v0", arm="linear", elbow_branch="positive", torque_limit=LIMIT, **options
-    ).unwrapped
-
-
-def _residual_expected(start: Array) -> Array:
+def _residual_expected(env: Any, start: Array) -> Array:
     """Integrate from the law's definition: aims between control instants follow cubic Hermite polynomials."""
-    env = _residual_env()
     arm, path, period = env.arm, square(SquareParameters()), env.control_period
     own = env.settings
     stiffness, resistance, limit = map(np.array, (own.inner_stiffness, own.inner_damping, own.torque_limit))
@@ -228,15 +211,10 @@ def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
     if gain == STIFF_GAIN:  # the order of interest is that on a smooth solution: 50 ms later the fast part is gone
         start = law_solution(arm, start, gain, delay, 0.5 * TIME)[-1]
     expected = law_solution(arm, start, gain, delay, TIME)
-    return [worst(law_run(arm, start, gain, delay, h), expected) for h in steps]
-
-
-def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: float) -> Array:
-    """States at control instants, from the package."""
     options: dict[str, Any] = {"delay": delay} if delay else {"sensor": "collocated"}
-    options |= {"physics_step": step, "gain_limit": gain, "max_episode_steps": -1} | resting_at(*CORNER)
-    env = gymnasium.make("FlexArm/Paper-v0", arm=arm.parameters, **options).unwrapped
-    return states_of(env, np.ones(1, dtype=np.float32), state=start)
+    options |= {"arm": arm.parameters, "gain_limit": gain, "max_episode_steps": -1} | resting_at(*CORNER)
+    envs = [gymnasium.make("FlexArm/Paper-v0", physics_step=h, **options).unwrapped for h in steps]
+    return [worst(states_of(env, np.ones(1, dtype=np.float32), state=start), expected) for env in envs]
 
 
 def law_solution(arm: FlexibleArm, start: Array, gain: float, delay: float, time: float) -> Array:

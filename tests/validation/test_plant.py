@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from flexarm_env.laps import LAPS
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
-from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE
+from scripts.common.plotting import BLUE, COLOURS, GREEN, ORANGE, WIDTH, label_ends, plain_ticks, running_rms
 from tests.validation import laps, laws
 from tests.validation.arms import Modal
 from tests.validation.conftest import Check, Page, checked
@@ -26,6 +28,10 @@ CONTROLLERS = (*laps.AGENTS, GENTLY, laps.AGGRESSIVELY)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 DAMPED = {"material": ArmParameters(), "modal": ArmParameters.linear()}
 DAMPED_ELEMENTS = (5, 10, 20)
+WINDOW = 50  # control periods that the picture takes together: half a second
+TEXTS = ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm")
+# text and colour of each arm's line
+LOOKS = dict(zip(laps.ARMS, zip(TEXTS, (GREEN, BLUE, COLOURS[5], ORANGE), strict=True), strict=True))
 
 
 test_checks = checked(
@@ -83,26 +89,30 @@ def test_table_of_laps(page: Page) -> None:
             changes = f"{own.torque_change:.3g}, {chain.torque_change:.3g}"
             rows.append([lap, name, *(f"{apart[plant].rms:.3g}" for plant in (DEFAULT, *others)), scores, changes])
             for plant, found in driven.items():
-                which = f"{lap}, {name}, {plant}"
                 figures = {"score": found.score, "score_after_2s": found.score_after_2s}
-                figures |= {} if plant == CHAIN else apart[plant]._asdict()
+                figures |= {"torque change": found.torque_change} | ({} if plant == CHAIN else apart[plant]._asdict())
                 figures |= {"ahead median": half_a_second_ahead(lap, name, plant)} if plant in laps.MODELS else {}
-                page.quote({f"{which}, {what}": x for what, x in figures.items()})
-                page.quote({f"{which}, torque change": found.torque_change})
+                page.quote({f"{lap}, {name}, {plant}, {what}": x for what, x in figures.items()})
     first, last = "default arm: from the chain, r.m.s. [mm]", "score on the default arm, on the chain [mm]"
     page.table("plant_control", ["lap", "controller", first, *others, last, "torque change there, r.m.s. [N m]"], rows)
 
 
 def test_picture(page: Page) -> None:
-    looks = zip(laps.ARMS, ("2 shapes", "default arm:\n3 shapes", "4 shapes", "linear arm"), strict=True)
-    colours = (GREEN, BLUE, COLOURS[5], ORANGE)
-    lines = {}
-    for (plant, text), colour in zip(looks, colours, strict=True):
-        for lap in LAPS:
+    figure, axes = plt.subplots(len(LAPS), figsize=(WIDTH, 6.4), sharex=True)
+    for axis, lap in zip(axes, LAPS, strict=True):
+        ends = []
+        for plant, (_, colour) in LOOKS.items():
             tips = (lap_of(lap, GENTLY, one).tip[:: laps.PERIODS] for one in (plant, CHAIN))
-            lines[lap, (text, colour)] = np.linalg.norm(np.subtract(*tips), axis=1)
+            off = 1e3 * running_rms(np.linalg.norm(np.subtract(*tips), axis=1), WINDOW)
+            axis.semilogy(HELD * laps.PERIODS * np.arange(len(off)), off, color=colour, linewidth=1.6)
+            ends.append(off[-1])
+        axis.set(title=f"{lap} lap", ylabel="r.m.s. over 0.5 s [mm]", ylim=(0.5, 1000.0), xlim=(0.0, 16.0))
+        plain_ticks(axis.yaxis)
+        axis.set_xticks(range(0, 17, 4))
+        label_ends(axis, [*LOOKS.values()], ends)
+    axes[-1].set_xlabel("time [s]")
     title = "Distance of each model's tip from the MuJoCo chain's along the best plans"
-    page.picture(laps.over_time(lines, title), "plant_distance")
+    page.picture(figure, "plant_distance", title)
 
 
 @cache
@@ -129,15 +139,12 @@ def test_table_of_damping(page: Page) -> None:
     """A student on chains of more and more elements, damped by their material or by 1 % of every mode."""
     rows = []
     for damping in DAMPED:
-        last: Lap | None = None
-        for count in DAMPED_ELEMENTS:
-            found = damped(damping, count)
-            coarser = None if last is None else away(found.tip, last.tip).rms
-            scores = f"{found.score:.1f} / {found.score_after_2s:.1f}"
-            moved = "" if coarser is None else f"{coarser:.3g}"
-            rows.append([damping, str(count), scores, moved, f"{found.torque_change:.3g}"])
-            figures = {"score": found.score} | ({} if coarser is None else {"from_coarser": coarser})
+        found = [damped(damping, count) for count in DAMPED_ELEMENTS]
+        coarser = [away(fine.tip, coarse.tip).rms for coarse, fine in pairwise(found)]
+        for count, lap, moved in zip(DAMPED_ELEMENTS, found, (None, *coarser), strict=True):
+            scores, change = f"{lap.score:.1f} / {lap.score_after_2s:.1f}", f"{lap.torque_change:.3g}"
+            rows.append([damping, str(count), scores, "" if moved is None else f"{moved:.3g}", change])
+            figures = {"score": lap.score} | ({} if moved is None else {"from_coarser": moved})
             page.quote({f"{damping}, {count} elements, {what}": x for what, x in figures.items()})
-            last = found
     header = ("damping", "elements a link", "score [mm]: lap / after 2 s", "from the coarser one [mm]: r.m.s.")
     page.table("plant_damping", [*header, "torque change, r.m.s. [N m]"], rows)

@@ -6,7 +6,7 @@ environments choose the fewest steps whose expected error (`flexarm_env.simulati
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import cache, partial
+from functools import cache
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -30,15 +30,12 @@ STABLE = 2.0  # h omega, above which the environments refuse a step
 SCATTER = 3.0  # of medians about what the linear arm predicts, times the tolerance
 
 OWN = ArmParameters()
-ONE, TWO = OWN.flexural_rigidities
+STIFF, STRONG = ((10.0 * one, 10.0 * two) for one, two in (OWN.flexural_rigidities, TORQUE_LIMIT))
 CASES = {  # arms, and the torques that drive them
     "default arm": (OWN, TORQUE_LIMIT),
     "payload 2 kg": (replace(OWN, payload_mass=2.0), TORQUE_LIMIT),
     "undamped": (replace(OWN, damping_ratio=0.0), TORQUE_LIMIT),
-    "10 times as stiff, 10 times the torque": (
-        replace(OWN, flexural_rigidities=(10.0 * ONE, 10.0 * TWO)),
-        (10.0 * TORQUE_LIMIT[0], 10.0 * TORQUE_LIMIT[1]),
-    ),
+    "10 times as stiff, 10 times the torque": (replace(OWN, flexural_rigidities=STIFF), STRONG),
     "linear arm": (ArmParameters.linear(), TORQUE_LIMIT),
 }
 
@@ -83,17 +80,11 @@ def tip_errors(
     return {count: np.linalg.norm(tips(count) - exact, axis=1) for count in counts}
 
 
-def median_error(name: str) -> float:
-    """Return the median error of the default step [mm]."""
-    found = measured(name)
-    return 1e3 * found.median[found.default]
-
-
 test_checks = checked(
     *(
         Check(
             f"tip after a second of random torques, {name}, default step: median error",
-            partial(median_error, name),
+            lambda name=name: 1e3 * measured(name).median[measured(name).default],
             f"the default step is the longest whose expected error is {1e3 * TOLERANCE:g} mm; medians of random "
             "torques scatter about what the linear arm predicts",
             "mm",
@@ -110,8 +101,8 @@ def test_table(page: Page) -> None:
         found = measured(name)
         n = found.default
         rows.append([name, f"{n} steps: {found.shown(n)}", *(found.shown(count) for count in COUNTS)])
-        page.quote({f"{name}, median": 1e3 * found.median[n], f"{name}, largest": 1e3 * found.largest[n]})
-        page.quote({f"{name}, steps": n})
+        figures = {"median": 1e3 * found.median[n], "largest": 1e3 * found.largest[n], "steps": n}
+        page.quote({f"{name}, {what}": figure for what, figure in figures.items()})
     page.table("step_errors", ("arm", "default [mm]", *(f"{count} steps ({4 * count})" for count in COUNTS)), rows)
 
 

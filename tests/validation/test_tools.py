@@ -11,8 +11,7 @@ pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
 from tests.validation.arms import Modal
 from tests.validation.engine.study import crossing
-from tests.validation.hosted import HostedEnv
-from tests.validation.laps import Lap
+from tests.validation.laps import HostedEnv, Lap
 
 
 def test_extrapolation_removes_the_second_order() -> None:

@@ -15,10 +15,10 @@ from flexarm_env.extras import install_command
 
 pytest.importorskip("mujoco", reason=f"run `{install_command('validate')}`")
 
-from scripts.common.plotting import INK, THRESHOLD, WIDTH, headline, plain_ticks
+from scripts.common.plotting import INK, THRESHOLD, WIDTH, plain_ticks
 from tests.validation import laws
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.engine.pictures import LINES, smoothed
+from tests.validation.engine.test_programmes import LINES, smoothed
 from tests.validation.laps import Lap, away
 from tests.validation.motion import HELD, Array, Model, apart, rms
 
@@ -92,5 +92,4 @@ def test_picture(page: Page) -> None:
     axes[0, 0].set_ylabel("y [m]")
     axes[1, 0].set_ylabel("tip from the chain's,\nr.m.s. over 0.1 s [mm]")
     figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
-    headline(figure, "The paper's laws on the MuJoCo chain, and how far models are from it")
-    page.picture(figure, "engine_square")
+    page.picture(figure, "engine_square", "The paper's laws on the MuJoCo chain, and how far models are from it")
