@@ -34,6 +34,7 @@ STEPS = 300
 SEED = 20_261_124
 DRAWN_SETS = 50
 FILE = Path(__file__).with_suffix(".json")
+Runs = Iterator[tuple[str, Callable[[], str]]]  # names, and what computes the hash
 Part = Literal["ids", "modes", "options", "paper", "policies", "training"]
 _SHORT = ("--steps", "6144", "--envs", "8", "--hidden", "16", "--checkpoint-every", "2048")
 TRAININGS = {
@@ -82,12 +83,7 @@ OPTIONS: dict[str, tuple[Any, ...]] = {
 
 
 def digest(update: Any, value: Any) -> None:
-    """Feed a value, with the types and shapes of its arrays, into a hash.
-
-    Args:
-        update: the hash's method.
-        value: mappings (in the order of their keys), sequences, arrays, numbers, text or None.
-    """
+    """Feed mappings (in the order of their keys), sequences, arrays with types and shapes, and others to a hash."""
     if isinstance(value, Mapping):
         for name in sorted(value):
             update(f"{name}:".encode())
@@ -111,21 +107,11 @@ def hashed(*values: Any) -> str:
 
 
 def episode(environment: str, num_envs: int, options: Mapping[str, Any]) -> str:
-    """Hash observations, rewards, ends and infos of random actions.
-
-    Args:
-        environment: id without its namespace.
-        num_envs: of a batch; 0: one environment without a batch.
-        options: of the environment.
-    """
-    name = f"{NAMESPACE}/{environment}"
-    env: Any
-    if num_envs:
-        env = gymnasium.make_vec(name, num_envs=num_envs, **options)
-        space = env.single_action_space
-    else:
-        env = gymnasium.make(name, disable_env_checker=True, **options)
-        space = env.action_space
+    """Hash observations, rewards, ends and infos of random actions in a batch; `num_envs` = 0: in one environment."""
+    name, kind = f"{NAMESPACE}/{environment}", {"num_envs": num_envs} if num_envs else {"disable_env_checker": True}
+    make: Any = gymnasium.make_vec if num_envs else gymnasium.make
+    env = make(name, **kind, **options)
+    space = env.single_action_space if num_envs else env.action_space
     rng = np.random.default_rng(SEED)
     state = hashlib.sha256()
     digest(state.update, env.reset(seed=SEED))
@@ -156,28 +142,28 @@ def drawn_sets() -> Iterator[dict[str, Any]]:
         yield options
 
 
-def ids() -> Iterator[tuple[str, Callable[[], str]]]:
+def ids() -> Runs:
     """All ids: one environment and, but for the chain, batches of 3 and 64."""
     for name, declared in IDS.items():
         for num_envs in (0, 3, 64) if declared.batch_entry else (0,):
             yield f"{name} {num_envs}", partial(episode, name, num_envs, {})
 
 
-def modes() -> Iterator[tuple[str, Callable[[], str]]]:
+def modes() -> Runs:
     """All action modes, alone and in a batch."""
     for mode in CLOCKED:
         for num_envs in (0, 3):
             yield f"{mode} {num_envs}", partial(episode, "Square-v0", num_envs, {"action_mode": mode})
 
 
-def options() -> Iterator[tuple[str, Callable[[], str]]]:
+def options() -> Runs:
     """Drawn sets of options, in turn alone and in a batch. A set's name is its JSON, so that it lasts."""
     for index, drawn in enumerate(drawn_sets()):
         num_envs = 3 * (index % 2)
         yield f"{json.dumps(drawn)} {num_envs}", partial(episode, "Square-v0", num_envs, drawn)
 
 
-def paper() -> Iterator[tuple[str, Callable[[], str]]]:
+def paper() -> Runs:
     """All data files of the paper's twelve runs, without sweeps and pictures."""
     yield "files", paper_files
 
@@ -210,7 +196,7 @@ def untimed(value: Any) -> Any:
     return value
 
 
-def policies() -> Iterator[tuple[str, Callable[[], str]]]:
+def policies() -> Runs:
     """Both laps of each shipped policy, all figures in all digits."""
     for name in shipped_policies():
         yield name, partial(laps, name)
@@ -225,7 +211,7 @@ def laps(name: str) -> str:
     return hashed(figures)
 
 
-def training() -> Iterator[tuple[str, Callable[[], str]]]:
+def training() -> Runs:
     """Last policies of short trainings that were stopped by a signal and resumed."""
     for algorithm, settings in TRAININGS.items():
         yield algorithm, partial(resumed, algorithm, settings)

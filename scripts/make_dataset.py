@@ -29,6 +29,7 @@ from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 
 RANDOM = "random"
+KEPT = ("observations", "actions", "rewards", "terminations", "truncations")  # of an episode
 NAMES = ("id", "episodes", "complete", "steps")
 
 
@@ -59,7 +60,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         """Begin an episode."""
         observation, info = self.env.reset(seed=seed, options=options)
         self.buffer: dict[str, Any] = {"seed": seed, "options": options, "observations": [observation]}
-        self.buffer |= {name: [] for name in ("actions", "rewards", "terminations", "truncations")}
+        self.buffer |= {name: [] for name in KEPT[1:]}
         self.buffer["infos"] = {"tip_error": [info["tip_error"]]}
         return observation, info
 
@@ -71,11 +72,9 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
                 f"action = {shown(action)} in step {len(self.buffer['actions'])}: not in {self.action_space}"
             )
         found = self.env.step(action)
-        observation, reward, terminated, truncated, info = found
-        for name, value in (("observations", observation), ("actions", action), ("rewards", float(reward))):
+        observation, reward, *ends, info = found
+        for name, value in zip(KEPT, (observation, action, float(reward), *ends), strict=True):
             self.buffer[name].append(value)
-        self.buffer["terminations"].append(terminated)
-        self.buffer["truncations"].append(truncated)
         self.buffer["infos"]["tip_error"].append(info["tip_error"])
         return found
 
@@ -184,12 +183,9 @@ def main() -> None:
     with tqdm(total=len(options.candidates) * len(options.delays) * options.episodes, unit="episode") as bar:
         rows = make(options, bar.update)
     write_json(options.folder / "datasets.json", {"datasets": rows})
-    figures = [[str(row[name]) for name in NAMES] + [_metres(row["mean_rms"])] for row in rows]
+    errors = ("-" if row["mean_rms"] is None else f"{row['mean_rms']:.3f}" for row in rows)
+    figures = [[*(str(row[name]) for name in NAMES), error] for row, error in zip(rows, errors, strict=True)]
     print(table(["data set", "episodes", "complete", "steps", "mean r.m.s. error [m]"], figures), end="")
-
-
-def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
 
 
 if __name__ == "__main__":

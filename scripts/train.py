@@ -77,12 +77,8 @@ def settings_of(sweep: object, config: RunConfig) -> list[Setting]:
 
 def jobs_of(config: RunConfig, settings: Sequence[Setting], seeds: Sequence[int], output: Path) -> list[Job]:
     """Return a training for each setting and seed; the folder is named by the whole configuration but the seed."""
-    jobs: list[Job] = []
-    for setting in settings:
-        for seed in seeds:
-            one = replace(config, **setting, seed=seed)
-            jobs.append((one, output / _key(one) / f"seed-{seed}"))
-    return jobs
+    every = [replace(config, **setting, seed=seed) for setting in settings for seed in seeds]
+    return [(one, output / _key(one) / f"seed-{one.seed}") for one in every]
 
 
 def summary(settings: Sequence[Setting], config: RunConfig, found: Sequence[Training]) -> list[dict[str, Any]]:

@@ -47,11 +47,8 @@ def zeros_locus(results: dict[str, Any]) -> Figure:
     for axis in axes.flat[len(models) :]:
         axis.remove()
     for axis, name in zip(axes.flat, models, strict=False):
-        exact = [
-            (at, z)
-            for at, row in zip(s, locus["exact beam"], strict=True)
-            for z in (*row["real"], *row["imaginary"], *locus["exact link 1"])
-        ]
+        beams = zip(s, locus["exact beam"], strict=True)
+        exact = [(at, z) for at, own in beams for z in (*own["real"], *own["imaginary"], *locus["exact link 1"])]
         axis.plot(*np.array(exact).T, "o", color=EXACT, markersize=1.6, zorder=1, label="exact beams, both links")
         kinds: dict[str, list[tuple[float, float]]] = {kind: [] for kind in KINDS}
         for at, row in zip(s, locus[name], strict=True):
@@ -64,16 +61,19 @@ def zeros_locus(results: dict[str, Any]) -> Figure:
         title = name.replace("mode,", "mode a link,").replace("modes,", "modes a link,")
         axis.set(title=title, yscale="log", ylim=(10, 1000), xlim=(0, 4.6))
         axis.label_outer()
-    for axis in axes[-1]:
-        axis.set_xlabel("sensor's distance from the elbow [m]")
-    for line in axes:
-        line[0].set_ylabel("magnitude of a zero [rad/s]")
-    handles: dict[str, Any] = {}
-    for axis in axes.flat[: len(models)]:
-        handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2, markerscale=3)
+    plt.setp(axes[-1], xlabel="sensor's distance from the elbow [m]")
+    plt.setp(axes[:, 0], ylabel="magnitude of a zero [rad/s]")
+    _legend(figure, axes.flat[: len(models)], markerscale=3)
     headline(figure, "Zeros from the motors to a sensor on link 2, by where the sensor is")
     return figure
+
+
+def _legend(figure: Figure, axes: Any, **look: Any) -> None:
+    """Explain each label of some axes once, below them."""
+    handles: dict[str, Any] = {}
+    for axis in axes:
+        handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2, **look)
 
 
 def bode(results: dict[str, Any]) -> Figure:
@@ -103,18 +103,16 @@ def passivity(results: dict[str, Any]) -> Figure:
     figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.0))
     omega = np.array(results["omega"])
     slow = (omega >= 1.0) & (omega <= FASTEST)
-    ends = []
-    for name, (_, colour) in PATHS.items():
-        curve = np.array(results["curves"][name])[slow]
+    curves = [np.array(results["curves"][name])[slow] for name in PATHS]
+    for curve, (_, colour) in zip(curves, PATHS.values(), strict=True):
         above.plot(omega[slow], curve, color=colour, linewidth=1.8)
-        ends.append(curve[-1])
     above.axhline(0.0, color=SOFT, linewidth=1)
     above.set(xscale="log", xlim=(1.0, FASTEST), ylim=(-1.05, 0.45), xlabel="frequency [rad/s]")
     above.set_xticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
     above.set_ylabel("least eigenvalue of $(G + G^H)/2$\nover the norm of $G$ [1]")
     above.set_title(f"Positive real above 0: least of {results['poses']} poses, linear arm")
     _law_damping(below, results["law"])
-    label_ends(above, [*PATHS.values()], ends)
+    label_ends(above, [*PATHS.values()], [curve[-1] for curve in curves])
     return figure
 
 
@@ -163,20 +161,17 @@ def margins(results: dict[str, Any]) -> Figure:
     axes[0].set_ylabel("delay margin [ms]")
     axes[0].set_ylim(0.08, 320)
     number_ticks(axes[0].yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
-    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2)
+    _legend(figure, axes[:1])
     headline(figure, "Delays from which on the paper's loop is unstable")
     return figure
 
 
 def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:
     """Draw circles where the held arm diverges, and squares behind the lap's end for whole laps."""
+    held: dict[str, Any] = {"marker": "o", "label": "simulated, held there", "clip_on": False}
+    whole: dict[str, Any] = {"marker": "s", "label": "simulated, a whole lap"}
     for r in rows:
-        look: dict[str, Any] = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "zorder": 4}
-        look["linestyle"] = "none"
-        for place, at in (("corner", 0.0), ("mid-side", 0.5 * side)):
+        own: dict[str, Any] = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "zorder": 4}
+        for place, at, look in (("corner", 0.0, held), ("mid-side", 0.5, held), ("lap", WHOLE_LAP, whole)):
             if r[place][1] is not None and np.isfinite(r[place][1]):
-                axis.plot(at, 1e3 * r[place][1], marker="o", label="simulated, held there", clip_on=False, **look)
-        if "lap" in r and r["lap"][1] is not None and np.isfinite(r["lap"][1]):
-            label = "simulated, a whole lap"
-            axis.plot(WHOLE_LAP * side, 1e3 * r["lap"][1], marker="s", label=label, **look)
+                axis.plot(at * side, 1e3 * r[place][1], linestyle="none", **own, **look)

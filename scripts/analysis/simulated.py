@@ -23,16 +23,9 @@ STEPS_PER_RADIAN = 4.0  # of the crossing frequency; at most the default step
 
 
 def bisect(diverges: Callable[[Array], NDArray[np.bool_]], low: float, high: float, rounds: int) -> tuple[float, float]:
-    """Search the delay from which on runs diverge, to a factor; `LANES` delays a round.
+    """Search between two delays [s] the one from which on runs diverge, to a factor; `LANES` delays a round.
 
-    Args:
-        diverges: function that says for many delays [s] whether the run diverges.
-        low: a delay that does not diverge [s].
-        high: one that does [s].
-        rounds: number of refinements.
-
-    Returns:
-        The last delay that does not and the first that does [s]; infinite if none does.
+    Return the last delay that does not and the first that does [s]; infinite if none does.
     """
     for number in range(rounds):
         tried = np.geomspace(low, high, LANES + 2)[1:-1] if number else np.geomspace(low, high, LANES)

@@ -9,41 +9,22 @@ Results = dict[str, Any]  # of a study's trials, by their labels
 
 def zeros_by_model(results: Results) -> str:
     """Tabulate the slowest right-half-plane zero and the bandwidth limit that follows."""
-    rows = results["zeros"]["by_model"]
-    head = [
-        "arm",
-        "right-half-plane zero [rad/s]",
-        "at the tip it is",
-        "bandwidth for a peak of 2 [rad/s]",
-        "least peak for errors of 10 % up to 12.3 rad/s",
-        "another zero comes from infinity at d [m]",
-    ]
-    body = [
-        [
-            r["arm"],
-            f"{r['zero']:.2f}",
-            {1: "single", 2: "double"}[r["multiplicity"]],
-            f"{r['bandwidth']:.1f}",
-            f"{r['peak']:.2f}",
-            ", ".join(f"{s:.2f}" for s in r["entries"]) or "none: they are there at every d",
-        ]
-        for r in rows
-    ]
+    head = ["arm", "right-half-plane zero [rad/s]", "at the tip it is", "bandwidth for a peak of 2 [rad/s]"]
+    head += ["least peak for errors of 10 % up to 12.3 rad/s", "another zero comes from infinity at d [m]"]
+    body = []
+    for r in results["zeros"]["by_model"]:
+        zero = f"{r['zero']:.2f}", {1: "single", 2: "double"}[r["multiplicity"]]
+        entries = ", ".join(f"{s:.2f}" for s in r["entries"]) or "none: they are there at every d"
+        body.append([r["arm"], *zero, f"{r['bandwidth']:.1f}", f"{r['peak']:.2f}", entries])
     return table(head, body)
 
 
 def passivity(results: Results) -> str:
     """Tabulate which paths are positive real."""
-    rows = results["passivity"]["rows"]
-    body = [
-        [
-            r["path"],
-            "yes" if r["worst"] > -1e-9 else "**no**",
-            "0 or more" if r["worst"] > -1e-9 else f"{r['worst']:.2f} at {r['at']:.0f}",
-            "" if r["negative_from"] is None else f"{r['negative_from']:.1f}",
-        ]
-        for r in rows
-    ]
+    body = []
+    for r in results["passivity"]["rows"]:
+        least = ("yes", "0 or more") if r["worst"] > -1e-9 else ("**no**", f"{r['worst']:.2f} at {r['at']:.0f}")
+        body.append([r["path"], *least, "" if r["negative_from"] is None else f"{r['negative_from']:.1f}"])
     head = ["path", "positive real", "least eigenvalue over norm, at [rad/s]", "below -0.01 from [rad/s] on"]
     return table(head, body)
 
@@ -62,10 +43,8 @@ def margins_claim(results: Results) -> str:
     assert all(r["most"] < 1.0 for r in late["position+rate"]), "unstable with late rates"
     room = min(r["least"] for r in late["position"]), max(r["most"] for r in late["position"])
     paper = [r for r in late["position+rate"] if r["arm"] == "paper's arm"]
-    own, every = (
-        (1.0 / max(r["most"] for r in group), 1.0 / min(r["least"] for r in group))
-        for group in (paper, late["position+rate"])
-    )
+    groups = paper, late["position+rate"]
+    own, every = ((1.0 / max(r["most"] for r in one), 1.0 / min(r["least"] for r in one)) for one in groups)
     return (
         "**With late positions and current rates the paper's loops are stable**, at practically every gain. They would "
         "stay so with\n"
@@ -88,12 +67,11 @@ def simulated(results: Results) -> str:
     """Write how near to the linear margins the simulated loop begins to diverge, as a sentence."""
     keys = ("sensor", "delayed", "controller")
     linear = {tuple(r[k] for k in keys): r for r in results["linear"]["rows"] if r["arm"] == "paper's arm"}
-    off = [
-        max(abs(end / linear[tuple(r[k] for k in keys)][place]["delay_margin"] - 1.0) for end in r[place])
-        for name, r in results.items()
-        if name != "linear"
-        for place in ("corner", "mid-side")
-    ]
+    off = []
+    for r in (r for name, r in results.items() if name != "linear"):
+        for place in ("corner", "mid-side"):
+            margin = linear[tuple(r[k] for k in keys)][place]["delay_margin"]
+            off.append(max(abs(end / margin - 1.0) for end in r[place]))
     return (
         "Held in place and pushed a little, the nonlinear simulation begins to diverge\n"
         f"within {100.0 * max(off):.1f} % of the linear margin in all {len(off)} cases.\n"
@@ -102,12 +80,7 @@ def simulated(results: Results) -> str:
 
 def largest_gains(results: Results) -> str:
     """Tabulate the largest stable lambda."""
-    rows = results["linear"]["largest_gains"]
-
-    def cell(value: float) -> str:
-        return f"{value:.2g}" if value else "none"
-
-    return table(
-        ["loop", "largest stable lambda, corner", "mid-side"],
-        [[r["what"], cell(r["corner"]), cell(r["mid-side"])] for r in rows],
-    )
+    body = []
+    for r in results["linear"]["largest_gains"]:
+        body.append([r["what"], *(f"{r[at]:.2g}" if r[at] else "none" for at in ("corner", "mid-side"))])
+    return table(["loop", "largest stable lambda, corner", "mid-side"], body)

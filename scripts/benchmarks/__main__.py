@@ -17,12 +17,15 @@ import llvmlite.binding
 from tqdm import tqdm
 
 from flexarm_agents.commands.text import columns
-from flexarm_env.validation import choice
+from flexarm_env.validation import choice, integer
 from scripts.benchmarks import environments, family, peers
 from scripts.benchmarks.timing import Group, measure
 from scripts.common import command_line
 from scripts.common.command_line import read_options
 from scripts.common.result_files import write_json
+
+# Packages of groups that are measured where they are installed.
+NEEDED = {"chain in MuJoCo": ("mujoco",), "learning": ("stable_baselines3", "torch", "flexarm_agents")}
 
 
 @dataclass
@@ -76,32 +79,27 @@ def _cpu_model() -> str:
 
 def run(options: Options, cache: Path) -> dict[str, Any]:
     """Measure everything, and return what the JSON file holds."""
-    repeats = 2 if options.quick else options.repeats
-    effort = 0.05 if options.quick else 1.0
+    repeats, effort = (2, 0.05) if options.quick else (options.repeats, 1.0)
     facts = machine()
-    makers: list[tuple[str, Callable[[], Group]]] = [
-        ("Jacobians", lambda: family.jacobians(effort)),
-        ("environments", lambda: environments.steps(effort)),
-        ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
-        ("batches", lambda: family.batch(effort)),
-        ("sensors", lambda: family.sensors(effort)),
-    ]
-    optional = [
-        ("chain in MuJoCo", ("mujoco",), lambda: family.chain(effort)),
-        ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
-    ]
-    labels = [*(label for label, _ in makers), *(label for label, *_ in optional), "threads"]
-    chosen = [choice("only", label, labels) for label in options.only] or labels
-    missing = [label for label, packages, _ in optional if label in chosen and not peers.installed(*packages)]
-    makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set[int]()
-    makers.append(("threads", lambda: family.threads(effort, cores)))  # last: it is not kept on one core
+    makers: dict[str, Callable[[], Group]] = {
+        "Jacobians": lambda: family.jacobians(effort),
+        "environments": lambda: environments.steps(effort),
+        "first step": lambda: environments.first_step(1 if options.quick else options.cold, cache),
+        "batches": lambda: family.batch(effort),
+        "sensors": lambda: family.sensors(effort),
+        "chain in MuJoCo": lambda: family.chain(effort),
+        "learning": lambda: family.learning(effort),
+        "threads": lambda: family.threads(effort, cores),  # last: it is not kept on one core
+    }
+    chosen = [choice("only", label, list(makers)) for label in options.only] or list(makers)
+    missing = [label for label, needed in NEEDED.items() if label in chosen and not peers.installed(*needed)]
     groups = {}
     facts["core"] = keep_on_one_core()
     with tqdm(total=0, unit="call") as bar:
-        for label, make in ((label, make) for label, make in makers if label in chosen):
+        for label in (label for label in makers if label in chosen and label not in missing):
             bar.set_description(f"{label}, compiling")
-            group = make()
+            group = makers[label]()
             bar.total += sum(min(s.at_most or repeats, group.repeats(repeats)) for s in group.subjects)
             bar.set_description(label)
             groups[group.name] = measure(group, repeats, lambda _: bar.update())
@@ -153,8 +151,7 @@ def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.benchmarks", Options())
     for name in ("repeats", "cold"):
-        if getattr(options, name) < 1:
-            raise ValueError(f"{name} = {getattr(options, name)}: must be an integer >= 1")
+        integer(name, getattr(options, name), 1)
     with tempfile.TemporaryDirectory() as cache:
         results = run(options, Path(cache))
     options.output.parent.mkdir(parents=True, exist_ok=True)

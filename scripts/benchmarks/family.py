@@ -27,9 +27,10 @@ LEARNING_FRAMES, LEARNERS = 65_536, 64
 
 def batch(effort: float) -> Group:
     """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset."""
-    gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
-    torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
-    linear = _batch(f"{SQUARE}, linear arm", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=LINEAR)
+    calls = round(BATCH_CALLS * effort)
+    gain = _batch(GAIN, GAIN, ENVS, round(0.4 * BATCH_CALLS * effort))
+    torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, calls)
+    linear = _batch(f"{SQUARE}, linear arm", SQUARE, ENVS, calls, arm=LINEAR)
     subjects = [gain, torque, linear]
     ratios = [
         Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"),
@@ -71,14 +72,12 @@ def sensors(effort: float) -> Group:
     """Declare the group of what late, noisy and further sensors cost a step of a batch."""
     calls = round(BATCH_CALLS * effort)
     plain = _batch(f"{SQUARE}, no delay", SQUARE, ENVS, calls, delay=0.0)
+    observation = *Settings.of({}).observation, "second_sensed_position"
     kinds: dict[str, dict[str, Any]] = {
         "31 ms late": {},
         "delay drawn from 0 to 120 ms": {"randomisation": {"delay": (0.0, 0.12)}},
         "noise, jitter and lost readings": {"noise": 0.01, "jitter": 0.01, "dropout": 0.1},
-        "a second sensor": {
-            "second_sensor_link": 1,
-            "observation": (*Settings.of({}).observation, "second_sensed_position"),
-        },
+        "a second sensor": {"second_sensor_link": 1, "observation": observation},
     }
     others = [_batch(f"{SQUARE}, {words}", SQUARE, ENVS, calls, **options) for words, options in kinds.items()]
     ratios = [Ratio(each.name, plain.name, f"{each.name}, over no delay") for each in others]
@@ -139,15 +138,13 @@ def learning(effort: float) -> Group:
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
     amount = frames + peers.ROLLOUT
     ours = Subject(f"PPO on {SQUARE}", lambda: peers.learn(FlexArmVecEnv.make(SQUARE, LEARNERS), frames), amount)
-    empty = Subject(
-        "PPO on an empty environment", lambda: peers.learn(peers.empty_vec_env(SQUARE, LEARNERS), frames), amount
-    )
-    training = _training("a training", frames)
+    nothing = "PPO on an empty environment"
+    empty = Subject(nothing, lambda: peers.learn(peers.empty_vec_env(SQUARE, LEARNERS), frames), amount)
     ratios = [Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")]
-    return Group("learning", "PPO, one core", "us", "frame", [ours, empty, training], ratios, share=0.4)
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty, _training(frames)], ratios, share=0.4)
 
 
-def _training(name: str, frames: int) -> Subject:
+def _training(frames: int) -> Subject:
     """Rollouts and updates of a training with the tuned settings, without its evaluations."""
     from flexarm_agents import PPOConfig
     from flexarm_agents.training.models import new_model
@@ -162,4 +159,4 @@ def _training(name: str, frames: int) -> Subject:
         with one_thread():
             model.learn(frames, reset_num_timesteps=False)
 
-    return Subject(name, work, -(-frames // rollout) * rollout)
+    return Subject("a training", work, -(-frames // rollout) * rollout)

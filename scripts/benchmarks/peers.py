@@ -29,9 +29,6 @@ def installed(*packages: str) -> bool:
     return all(importlib.util.find_spec(name) is not None for name in packages)
 
 
-# --- other engines ----------------------------------------------------------------------------------------------------
-
-
 def envpool_acrobot(num_envs: int, effort: float, threads: int = 1) -> Subject:
     """EnvPool's Acrobot-v1 with random actions prepared before; amount: environment steps.
 
@@ -55,12 +52,10 @@ def envpool_acrobot(num_envs: int, effort: float, threads: int = 1) -> Subject:
 
 
 def mujoco_chain(segments: int, effort: float, step: float | None = None) -> Subject:
-    """Declare the arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
+    """Declare the arm as a chain of so many rigid segments a link in MuJoCo under random torques.
 
-    Args:
-        segments: rigid segments a link; as many degrees of freedom a link.
-        effort: factor on the work of a timed call.
-        step: [s]; None: the largest stable one of `flexarm_env.chain.model.TIME_STEPS`.
+    The amount is simulated seconds; without a step [s] it is the largest stable one of
+    `flexarm_env.chain.model.TIME_STEPS`.
     """
     import mujoco
 
@@ -83,9 +78,6 @@ def mujoco_chain(segments: int, effort: float, step: float | None = None) -> Sub
             raise RuntimeError(f"{name}: the state stopped being finite")
 
     return Subject(name, work, calls * held * step, prepare=lambda: mujoco.mj_resetData(model, data))
-
-
-# --- learning ---------------------------------------------------------------------------------------------------------
 
 
 def empty_vec_env(environment: str, num_envs: int) -> VecEnv:

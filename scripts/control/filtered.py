@@ -11,7 +11,7 @@ from flexarm_agents.policies.safety_filter import OWN, SafetyFilter
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
 from scripts.common.markdown import table
-from scripts.common.study import Trial, study
+from scripts.common.study import study
 from scripts.control.robust import LOSSES, losses, run_unknown
 
 EPISODES = 128
@@ -33,8 +33,7 @@ class Counting(SafetyFilter):
 def run_tube(tube: float) -> dict[str, Any]:
     """Return the errors of `run_unknown`, and the share of periods in which the filter acts.
 
-    Args:
-        tube: share of the limits in which predictions must stay; 0: nothing passes, infinite: everything.
+    The tube is the share of the limits in which predictions must stay; 0: nothing passes, infinite: everything.
     """
     made: list[Counting] = []
 
@@ -47,19 +46,16 @@ def run_tube(tube: float) -> dict[str, Any]:
     return {"unknown": errors, "acts": made[0].acts / made[0].periods}
 
 
-def trials() -> dict[str, Trial]:
-    """Return a trial for each tube."""
-    return {name: partial(run_tube, tube) for name, tube in TUBES.items()}
-
-
 def safety_filter_table(results: Any) -> str:
     """Tabulate losses, errors, and how often the filter acts."""
-    lines = []
-    for name, result in results.items():
-        lines.append([name, *losses(result["unknown"]), f"{result['acts']:.0%}"])
+    lines = [[name, *losses(one["unknown"]), f"{one['acts']:.0%}"] for name, one in results.items()]
     return table(["tube", *LOSSES, "periods in which it acts"], lines)
 
 
 STUDIES = study(
-    __name__, "safety_filter", "a network behind a safety filter, by the width of its tube", trials, safety_filter_table
+    __name__,
+    "safety_filter",
+    "a network behind a safety filter, by the width of its tube",
+    lambda: {name: partial(run_tube, tube) for name, tube in TUBES.items()},
+    safety_filter_table,
 )

@@ -8,7 +8,7 @@ from typing import Any
 from flexarm_baselines.predictive import NMPC
 from flexarm_baselines.registry import controller
 from scripts.common.markdown import table
-from scripts.common.study import Trial, study
+from scripts.common.study import study
 from scripts.control.robust import LOSSES, losses, run_unknown
 from scripts.control.trials import ERRORS, cell, run_laps
 
@@ -23,18 +23,17 @@ def run_horizon(horizon: float) -> dict[str, Any]:
     return {"nominal": run_laps(NAME, {"horizon": horizon}), "unknown": errors}
 
 
-def trials() -> dict[str, Trial]:
-    """Return a trial for each horizon."""
-    return {f"{horizon:g}": partial(run_horizon, horizon) for horizon in HORIZONS}
-
-
 def horizon_table(results: Any) -> str:
     """Tabulate errors on the nominal laps, and losses and errors on unknown arms."""
-    lines = [
-        [name, *(cell(lap, 1) for lap in result["nominal"].values()), *losses(result["unknown"])]
-        for name, result in results.items()
-    ]
+    rows = results.items()
+    lines = [[name, *(cell(lap, 1) for lap in one["nominal"].values()), *losses(one["unknown"])] for name, one in rows]
     return table(["horizon [s]", *ERRORS, *(f"unknown arms: {text}" for text in LOSSES)], lines)
 
 
-STUDIES = study(__name__, "horizon", "predictive control by the length of its prediction", trials, horizon_table)
+STUDIES = study(
+    __name__,
+    "horizon",
+    "predictive control by the length of its prediction",
+    lambda: {f"{horizon:g}": partial(run_horizon, horizon) for horizon in HORIZONS},
+    horizon_table,
+)

@@ -73,10 +73,9 @@ def run_learning(lap: str, values: dict[str, float]) -> list[float | None]:
 
 def run_arms(first: int) -> list[list[float | None]]:
     """Return the errors on some of the unknown arms, every second one on the swing lap."""
+    names, laps = list(UNKNOWN_PLANT["randomisation"]), list(LAPS)
     low, high = np.array(list(UNKNOWN_PLANT["randomisation"].values())).T
     arms = low + (high - low) * np.random.default_rng(first).uniform(size=(4, len(low)))
-    names = list(UNKNOWN_PLANT["randomisation"])
-    laps = list(LAPS)
     return [run_learning(laps[n % 2], dict(zip(names, one.tolist(), strict=True))) for n, one in enumerate(arms)]
 
 
@@ -116,6 +115,5 @@ def ilc_picture(results: Any) -> Figure:
     return figure
 
 
-STUDIES = study(
-    __name__, "ilc", "iterative learning: r.m.s. error after 2 s by lap [mm]", _trials, ilc_table, ilc_picture
-)
+TEXT = "iterative learning: r.m.s. error after 2 s by lap [mm]"
+STUDIES = study(__name__, "ilc", TEXT, _trials, ilc_table, ilc_picture)

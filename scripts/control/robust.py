@@ -52,17 +52,12 @@ class Design(NamedTuple):
     encoders: float = 1.0  # deviations of angles and rates [0.3 mrad, 0.1 rad/s]
     torque: float = 1.0  # noise on the torques [10 and 4 N m]
 
-    def arguments(self, task: Task | None = None) -> dict[str, Any]:
+    def arguments(self) -> dict[str, Any]:
         """Return keyword arguments of `LQG`."""
-        first, second = GOOD.torque
-        weights = RegulatorWeights(speed=self.speed * GOOD.speed, torque=(self.effort * first, self.effort * second))
-        noise = replace(
-            QUICK,
-            joint_angle=self.encoders * QUICK.joint_angle,
-            joint_rate=self.encoders * QUICK.joint_rate,
-            torque=(self.torque * QUICK.torque[0], self.torque * QUICK.torque[1]),
-        )
-        return {"weights": weights, "noise": noise}
+        effort, torque = ((f * a, f * b) for f, (a, b) in ((self.effort, GOOD.torque), (self.torque, QUICK.torque)))
+        trust: dict[str, Any] = {name: self.encoders * getattr(QUICK, name) for name in ("joint_angle", "joint_rate")}
+        weights = RegulatorWeights(speed=self.speed * GOOD.speed, torque=effort)
+        return {"weights": weights, "noise": replace(QUICK, torque=torque, **trust)}
 
     def towards(self, other: Design, share: float) -> Design:
         """Return the design a share of the way to another, in logarithms."""
@@ -110,11 +105,10 @@ def decay(controller: LQG, plant: Loop, plan: int) -> float:
     The mean rate over the periods from FIRST to LAST of the closed loop of a plant, its late motors and sensor, and the
     controller's filter and regulator, all linear.
     """
-    tables, gains = controller.filter, controller.regulator.gain[plan]
-    known, (first, last) = tables.matrix.shape[-1], (FIRST, LAST)
+    tables, gains, known = controller.filter, controller.regulator.gain[plan], controller.filter.matrix.shape[-1]
     actual = np.random.default_rng(0).normal(size=(plant.matrix.shape[-1], 3))
     estimate, before, log = np.zeros((tables.nominal.shape[-1], 3)), np.zeros((2, 3)), 0.0
-    for k in range(first, last):
+    for k in range(FIRST, LAST):
         estimate = estimate + tables.gain[plan, k] @ (actual[plant.rows] - estimate[tables.rows])
         torque = gains[k] @ np.concatenate([estimate[:known], before])
         acting = (1.0 - plant.late) * torque + plant.late * before
@@ -124,7 +118,7 @@ def decay(controller: LQG, plant: Loop, plan: int) -> float:
         if (k + 1) % BLOCK == 0:
             size = np.linalg.norm(actual)
             log, actual, estimate, before = log + np.log(size), actual / size, estimate / size, before / size
-    return float(-log / ((last - first) * controller.task.period))
+    return float(-log / ((LAST - FIRST) * controller.task.period))
 
 
 def decays(controller: LQG, sample: list[Loop]) -> Floats:
@@ -160,10 +154,7 @@ def run_unknown(
 ) -> list[list[float] | None]:
     """Return errors over the lap and after 2 s [m] of episodes on unknown arms, laps in turn; None for lost ones.
 
-    Args:
-        make: makes the policy for vector environments.
-        options: that these need for it.
-        episodes: number of them.
+    `make` returns the policy for vector environments, which need some options for it.
     """
     envs = gymnasium.make_vec(ENVIRONMENT, num_envs=episodes, **{**options, **UNKNOWN_PLANT})
     policy, sides = make(envs), [lap.elbow_branch for lap in LAPS.values()] * (episodes // len(LAPS))
@@ -197,11 +188,8 @@ def measured(design: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _trials() -> dict[str, Trial]:
-    series = {
-        f"{name} {label}": partial(measured, design.arguments())
-        for name, designs in SERIES.items()
-        for label, design in designs.items()
-    }
+    named = {f"{name} {label}": one for name, designs in SERIES.items() for label, one in designs.items()}
+    series = {label: partial(measured, design.arguments()) for label, design in named.items()}
     return {"search": searched, **series, "shipped": partial(measured, {"noise": NOISE, "weights": WEIGHTS})}
 
 
@@ -229,8 +217,7 @@ def robust_table(results: Any) -> str:
         lines.append([name, f"{one['decay']:.2f}", f"{one['lost']:.1%}", median, f"{one['nominal']:.2f}"])
     *numbers, slowest = (f"{value:.3g}" for value in results["search"].values())
     lines.append([f"the search's end: {' / '.join(numbers)}", slowest, "-", "-", "-"])
-    head = ["design", "slowest decay [1/s]", "unknown arms: lost", "median [mm]", "default arm [mm]"]
-    return table(head, lines)
+    return table(["design", "slowest decay [1/s]", "unknown arms: lost", "median [mm]", "default arm [mm]"], lines)
 
 
 def robust_picture(results: Any) -> Figure:
@@ -249,11 +236,5 @@ def robust_picture(results: Any) -> Figure:
     return figure
 
 
-STUDIES = study(
-    __name__,
-    "lqg_robust",
-    "LQG for unknown arms: how its four numbers follow from the slowest decay",
-    _trials,
-    robust_table,
-    robust_picture,
-)
+TEXT = "LQG for unknown arms: how its four numbers follow from the slowest decay"
+STUDIES = study(__name__, "lqg_robust", TEXT, _trials, robust_table, robust_picture)

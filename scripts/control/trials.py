@@ -13,14 +13,13 @@ from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 
 ERRORS = ("swing lap [mm]", "plain lap [mm]")  # see `cell`
+Options = Mapping[str, Any]
+NONE: Options = MappingProxyType({})
 DRAWS = 9  # of the noise, for a lap that is lost with the first one
 
 
 def run_laps(
-    controller: str,
-    design: Mapping[str, Any] = MappingProxyType({}),
-    options: Mapping[str, Any] = MappingProxyType({}),
-    off: tuple[float, float] = (0.0, 0.0),
+    controller: str, design: Options = NONE, options: Options = NONE, off: tuple[float, float] = (0.0, 0.0)
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the scores of a controller on both laps; a lap that the first draw of the noise loses has one for each.
 

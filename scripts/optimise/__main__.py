@@ -72,18 +72,12 @@ class Options:
 
 
 def main() -> None:
-    """Command line.
-
-    Raises:
-        ValueError: for an unknown arm, lap or reference.
-    """
+    """Command line."""
     options = read_options("python -m scripts.optimise", Options())
-    for arm in options.arms:
-        choice("arms", arm, tuple(PRESETS))
-    for lap in options.laps:
-        choice("laps", lap, tuple(LAPS))
-    for path in options.paths:
-        choice("paths", path, (*TRACKS, reach.PATH, corner.PATH))
+    known = {"arms": tuple(PRESETS), "laps": tuple(LAPS), "paths": (*TRACKS, reach.PATH, corner.PATH)}
+    for name, these in known.items():
+        for one in getattr(options, name):
+            choice(name, one, these)
     options.output.mkdir(parents=True, exist_ok=True)
     files = []
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):

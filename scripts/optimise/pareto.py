@@ -10,7 +10,7 @@ from flexarm_baselines.optimal import Plan, lap_problem
 from flexarm_env.laps import SETTLED
 from flexarm_env.metrics.window import rms
 from flexarm_env.simulation.feedback import Rollout
-from scripts.optimise.score import efforts, tip_errors
+from scripts.optimise.score import solved, tip_errors
 from scripts.optimise.search import improved
 
 WEIGHTS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4)  # [m^2]
@@ -18,17 +18,10 @@ ITERATIONS = 30  # of each weight at most; further ones change errors by less th
 
 
 def curve(plan: Plan, lap: str, path: str, folder: Path) -> list[dict[str, Any]]:
-    """Return error and effort for each weight, from that of the plan on upward and downward.
+    """Return error and effort for each weight, from that of a converged plan on upward and downward.
 
-    Each search begins where the one for the weight before ended.
-
-    Errors are those of the plan's own states, which an environment repeats to rounding.
-
-    Args:
-        plan: to begin with, a converged one.
-        lap: its name.
-        path: name of its reference.
-        folder: for the plans; those that it has are reused.
+    Each search begins where the one for the weight before ended; plans that the folder has are reused. Errors are those
+    of the plan's own states, which an environment repeats to rounding.
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = plan.notes["change_weight"]
@@ -52,7 +45,5 @@ def _row(plan: Plan, weight: float) -> dict[str, Any]:
         "change_weight": weight,
         "true_tip_rms": rms(away),
         "true_tip_rms_after_2s": rms(away[plan.time >= SETTLED]),
-        **efforts(plan),
-        "converged": plan.notes["converged"],
-        "residual": plan.notes["log"]["residual"][-1],
+        **solved(plan),
     }

@@ -24,12 +24,9 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from flexarm_agents.files import put
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.lqg.race import RACES
-from flexarm_baselines.optimal import Plan, TrackingProblem
-from flexarm_baselines.optimal.laps import lap_square
-from flexarm_baselines.optimal.linear_quadratic import GOOD
+from flexarm_baselines.optimal import GOOD, Branch, Plan, PlanRegulator, TrackingProblem, along, lap_square
 from flexarm_baselines.optimal.solver import Search, rollout
-from flexarm_baselines.optimal.starts import Branch, along
-from flexarm_baselines.optimal.tracking import PlanRegulator
+from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.formulas import tip
 from flexarm_env.parameters import ArmParameters
@@ -43,7 +40,7 @@ from scripts.common.command_line import read_options, run
 PERIOD, SPEED, ACCELERATION = 0.01, 25.0, 90.0  # [s, m/s, m/s^2]; the environment allows a little more acceleration
 START = (3.0, 15.0, 13.0, 18.0)  # at corners [m/s], between them and on the first side [m/s^2], at most [m/s]
 AIM, LIMIT = 0.24, 0.2455  # [m], of the distance; a race is lost at 0.25
-DEFLECTION = 1.25  # [m], from which bending costs; a race is lost at 1.5
+DEFLECTION, BENT = 1.25, 1.47  # [m], from which bending costs, and comes too near the 1.5 at which a race is lost
 BOUND = 0.21  # [m]; distance at which the steep cost is 1 in its unit
 BEYOND = 1.5  # [m] that a plan goes on after the race, so that its end costs nothing
 STRETCHES = (1.03, 1.04, 1.05, 1.06, 1.08, 1.1)
@@ -86,28 +83,24 @@ class Race:
             square_of_it = off[0] * off[0] + off[1] * off[1]
             return [square_of_it * square_of_it * scale]
 
-        start = rest_state(self.arm, reference[0], self.branch)
-        own = {"tip_weights": 0.1, "change_weight": 1e-6, "deflection_limit": DEFLECTION, "residuals": steep}
-        return TrackingProblem(self.arm, start, reference, **own)  # type: ignore[arg-type]
+        return self.near(ways, tip_weights=0.1, change_weight=1e-6, deflection_limit=DEFLECTION, residuals=steep)
 
     def off(self, problem: TrackingProblem, found: Rollout) -> Floats:
         """Return the tip's way from the reference at each instant [m]. Shape (n + 1, 2)."""
         return np.stack(tip(self.arm, list(found.states.T), np.sin, np.cos), axis=-1) - problem.reference
 
-    def overbent(self, found: Rollout) -> float:
-        """Return by how much a link's tip deflection comes too near the limit [m]."""
-        q = found.states[:, : self.arm.size]
-        return max(float(np.abs(self.arm.tip_deflection(q)).max()) - 1.47, 0.0)
-
     def last(self, ways: Floats) -> int:
         """Return the instant at which the race is over."""
         return int(np.searchsorted(ways, self.length))
 
-    def near(self, ways: Floats, **own: Any) -> tuple[TrackingProblem, Rollout]:
-        """Return the problem of being as near to a reference as one can, and where its solution begins."""
+    def near(self, ways: Floats, **own: Any) -> TrackingProblem:
+        """Return the problem of being as near to a reference as one can, or what else its fields say."""
         reference = self.path.position(ways)
-        problem = TrackingProblem(self.arm, rest_state(self.arm, reference[0], self.branch), reference, **own)
-        return problem, along(problem, (Branch(0.0, self.branch),))
+        return TrackingProblem(self.arm, rest_state(self.arm, reference[0], self.branch), reference, **own)
+
+    def start(self, problem: TrackingProblem) -> Rollout:
+        """Return where the solution of a problem begins."""
+        return along(problem, (Branch(0.0, self.branch),))
 
     def begin(self, slower: float = 1.0) -> Floats:
         """Return the ways of `START`, with speeds that many times lower."""
@@ -136,7 +129,7 @@ class Race:
         """Run torques with a regulator at other times: those at which the reference was where it is now."""
         old = PERIOD * np.arange(len(before))
         then = np.interp(ways, before, old)
-        plan = Plan(self.arm.parameters, *found, self.path.position(before), (150.0, 50.0), PERIOD, 1e-3)
+        plan = Plan(self.arm.parameters, *found, self.path.position(before), TORQUE_LIMIT, PERIOD, 1e-3)
         states = np.stack([np.interp(then, old, column) for column in found.states.T], axis=-1)
         torques = np.stack([np.interp(then[:-1], old[:-1], column) for column in found.torques.T], axis=-1)
         gains = PlanRegulator(plan, GOOD).gains
@@ -153,7 +146,8 @@ class Race:
 def chase(race: Race, passes: int) -> tuple[Floats, Rollout]:
     """Return ways and a run that are fast, and off by a little more than is allowed."""
     ways = race.begin()
-    found = improved(*race.near(ways), 15)
+    nearest = race.near(ways)
+    found = improved(nearest, race.start(nearest), 15)
     for n in range(passes):
         problem = race.problem(ways, np.ones(len(ways)))
         found = improved(problem, found, 5)
@@ -184,7 +178,8 @@ def polish(race: Race, ways: Floats, found: Rollout, rounds: int) -> tuple[Float
             problem = race.problem(slow, weights)
             run = improved(problem, run, 5)
             off = race.off(problem, run)
-            most = largest(race, slow, off) + race.overbent(run)
+            bent = float(np.abs(race.arm.tip_deflection(run.states[:, : race.arm.size])).max())
+            most = largest(race, slow, off) + max(bent - BENT, 0.0)
             best = (slow, run, most) if most < best[2] else best
             print(f"stretch {stretch}, round {n}: {race.lap_times(slow)} s, off by {most:.4f} m", flush=True)
             if most < LIMIT:
@@ -196,9 +191,10 @@ def polish(race: Race, ways: Floats, found: Rollout, rounds: int) -> tuple[Float
 
 def steady(race: Race, slower: float) -> Plan:
     """Return a plan with torque to spare, so many times slower than `START`."""
-    ways, limits = race.begin(slower), (150.0 * SPARING, 50.0 * SPARING)
-    problem, start = race.near(ways, limits=limits, change_weight=1e-4, deflection_limit=UNBENT)
-    found = improved(problem, start, ITERATIONS)
+    ways, (shoulder, elbow) = race.begin(slower), TORQUE_LIMIT
+    limits = SPARING * shoulder, SPARING * elbow
+    problem = race.near(ways, limits=limits, change_weight=1e-4, deflection_limit=UNBENT)
+    found = improved(problem, race.start(problem), ITERATIONS)
     return plan_of(race, ways, found, largest(race, ways, race.off(problem, found)))
 
 
@@ -220,12 +216,9 @@ def plan_of(race: Race, ways: Floats, found: Rollout, most: float) -> Plan:
     """Return the plan of the race's own periods."""
     n = race.last(ways)
     own = found.states[: n + 1], found.torques[:n], race.path.position(ways[: n + 1])
-    notes = {
-        "ways": np.round(ways[: n + 1], 9).tolist(),
-        "lap_times": race.lap_times(ways),
-        "largest_error": round(most, 5),
-    }
-    return Plan(race.arm.parameters, *own, (150.0, 50.0), PERIOD, 1e-3, notes)
+    notes = {"ways": np.round(ways[: n + 1], 9).tolist(), "lap_times": race.lap_times(ways)}
+    notes["largest_error"] = round(most, 5)
+    return Plan(race.arm.parameters, *own, TORQUE_LIMIT, PERIOD, 1e-3, notes)
 
 
 def main() -> None:

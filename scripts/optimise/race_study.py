@@ -29,8 +29,7 @@ SEED = 5000  # of the first arm; the board's seeds are hashes
 def run_races(name: str, arms: int, slower: float | None = None, **design: Any) -> dict[str, Any]:
     """Run an entry on unknown arms, along its own plan or one that is so many times slower than the fastest.
 
-    Returns:
-        The plan's times and largest error, and for each arm the time of the three laps [s], None for a lost race.
+    Return the plan's times and largest error, and for each arm the time of the three laps [s], None for a lost race.
     """
     entry = controller(name)
     if slower is not None:
@@ -71,12 +70,11 @@ def race_table(results: Any) -> str:
     lines = []
     for name, one in results.items():
         kind, _, price = name.partition(", ")
-        entry = (
-            f"`{kind}`{price and f', {price}'}" if kind in ENTRIES else f"`race_lqg_adaptive`, plan {name} times slower"
-        )
+        own = f"`{kind}`{price and f', {price}'}"
+        entry = own if kind in ENTRIES else f"`race_lqg_adaptive`, plan {name} times slower"
         median = f"{_median(one):.2f}" if np.isfinite(_median(one)) else "lost"
-        own = f"{one['plan'][2]:.2f}", f"{1e3 * one['largest_error']:.0f}"
-        lines.append([entry, *own, f"{_lost(one)} of {len(one['times'])}", median])
+        plan = f"{one['plan'][2]:.2f}", f"{1e3 * one['largest_error']:.0f}"
+        lines.append([entry, *plan, f"{_lost(one)} of {len(one['times'])}", median])
     return table(["entry", "its plan [s]", "off by at most [mm]", "unknown arms: lost", "median [s]"], lines)
 
 

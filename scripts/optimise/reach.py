@@ -15,7 +15,7 @@ from flexarm_baselines.optimal.laps import OPTIONS
 from flexarm_env.metrics.window import rms
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.arm import FlexibleArm
-from scripts.optimise.score import efforts, tip_errors
+from scripts.optimise.score import solved, tip_errors
 from scripts.optimise.search import improved
 
 PATH = "moves"  # name of its reference
@@ -24,29 +24,20 @@ SIDE = "positive"  # of the elbow, as in the environment
 ITERATIONS = 100
 
 
-def idle(observation: Any) -> tuple[float, float]:
-    """Command no torque."""
-    return 0.0, 0.0
-
-
 def problem_of(seed: int) -> TrackingProblem:
     """Return the problem of the episode that a seed draws."""
     env = gymnasium.make("FlexArm/Reach-v0", error_limit=None)
-    run = run_policy(env, idle, seed=seed)  # an arm at rest without torques stays; the reference is recorded
+    # an arm at rest without torques stays; the reference is recorded
+    run = run_policy(env, lambda observation: (0.0, 0.0), seed=seed)
     env.close()
     assert run.reference is not None
     return TrackingProblem(FlexibleArm(run.parameters), run.state[0], run.reference, **OPTIONS)
 
 
 def best(seed: int, folder: Path) -> dict[str, Any]:
-    """Optimise an episode, and return its figures.
+    """Optimise the episode of a seed; return errors over it and while the reference rests [m], efforts, the log.
 
-    Args:
-        seed: of the environment.
-        folder: for the plan; one that it has is reused.
-
-    Returns:
-        Errors over the episode and while the reference rests [m], efforts, the solver's log.
+    A plan that the folder has is reused.
     """
     folder.mkdir(parents=True, exist_ok=True)
     problem = problem_of(seed)
@@ -54,14 +45,11 @@ def best(seed: int, folder: Path) -> dict[str, Any]:
     plan = improved(problem, SIDE, start, ITERATIONS, folder / f"{seed}.npz").plan
     away = tip_errors(plan)
     rests = np.all(plan.reference == np.roll(plan.reference, 1, axis=0), axis=1)
-    log = plan.notes["log"]
     return {
         "seed": seed,
         "true_tip_rms": rms(away),
         "true_tip_rms_at_rest": rms(away[rests]),
         "true_tip_max": float(away.max()),
-        **efforts(plan),
-        "converged": plan.notes["converged"],
-        "residual": log["residual"][-1],
-        "log": log,
+        **solved(plan),
+        "log": plan.notes["log"],
     }

@@ -32,21 +32,9 @@ class Replay:
 
 
 def score(plan: Plan, lap: str, reference: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a plan through `FlexArm/Square-v0`, open loop, with options of its reference and its integration step.
-
-    Returns:
-        Figures of the lap.
-
-    Raises:
-        RuntimeError: if it ends the episode.
-    """
-    options = {
-        **reference,
-        "torque_limit": plan.limits,
-        "physics_step": plan.step,
-        "max_episode_steps": len(plan.torques),
-    }
-    env = gymnasium.make("FlexArm/Square-v0", **{**options, "arm": asdict(plan.parameters)})
+    """Run a plan through `FlexArm/Square-v0`, open loop, with options of its reference; return figures of the lap."""
+    own = {"torque_limit": plan.limits, "physics_step": plan.step, "max_episode_steps": len(plan.torques)}
+    env = gymnasium.make("FlexArm/Square-v0", **{**reference, **own, "arm": asdict(plan.parameters)})
     figures = summary(run_policy(env, Replay(plan), lap=lap))
     if figures["ended_early"]:
         raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")
@@ -65,3 +53,9 @@ def efforts(plan: Plan) -> dict[str, Any]:
         "torque_rms": np.sqrt(np.mean(plan.torques**2, axis=0)).tolist(),
         "torque_change_rms": np.sqrt(np.mean(changes**2, axis=0)).tolist(),
     }
+
+
+def solved(plan: Plan) -> dict[str, Any]:
+    """Return `efforts`, and how far the solver came."""
+    notes = plan.notes
+    return {**efforts(plan), "converged": notes["converged"], "residual": notes["log"]["residual"][-1]}

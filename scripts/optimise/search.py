@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,43 +34,24 @@ CHANGE = 0.4  # [s], of sides in the starts
 GRAFT = 2.0  # [s], after which another plan takes over
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How much is tried.
+class Effort(NamedTuple):
+    """How much is tried."""
 
-    Attributes:
-        trial: iterations of each start.
-        finalists: so many of the best starts go on.
-        iterations: of each of these at most.
-    """
-
-    trial: int
-    finalists: int
-    iterations: int
+    trial: int  # iterations of each start
+    finalists: int  # so many of the best starts go on
+    iterations: int  # of each of these at most
 
 
 class Candidate(NamedTuple):
-    """A plan with where it came from.
+    """A plan with where it came from."""
 
-    Attributes:
-        sequence: sides of the elbow at the start and along each side of the path, e.g. "+----".
-        plan: what it came to.
-        cost: of the plan [m^2].
-    """
-
-    sequence: str
-    plan: Plan
-    cost: float
+    sequence: str  # sides of the elbow at the start and along each side of the path, e.g. "+----"
+    plan: Plan  # what it came to
+    cost: float  # of the plan [m^2]
 
 
 def sequences(start: str, lap_time: float, sides: int = 4) -> Iterator[tuple[str, list[Branch]]]:
-    """Yield all sequences of branches that change at the start and at corners only.
-
-    Args:
-        start: the elbow's side at the start.
-        lap_time: [s].
-        sides: number of the path's sides.
-    """
+    """Yield all sequences of branches that begin on a side of the elbow and change at the start and corners only."""
     for chosen in itertools.product(SIGNS, repeat=sides):
         branches = [Branch(0.0, start)]
         for n, side in enumerate(chosen):
@@ -82,12 +62,7 @@ def sequences(start: str, lap_time: float, sides: int = 4) -> Iterator[tuple[str
 
 
 def search(
-    problem: TrackingProblem,
-    task: SquareParameters,
-    sides: int,
-    effort: Effort,
-    folder: Path,
-    other: Plan | None,
+    problem: TrackingProblem, task: SquareParameters, sides: int, effort: Effort, folder: Path, other: Plan | None
 ) -> list[Candidate]:
     """Find plans for a lap; trials and finals that the folder has with the same settings are reused.
 
@@ -97,14 +72,11 @@ def search(
         sides: of the path, at whose starts the elbow may change its side.
         effort: how much is tried.
         folder: for the plans on the way.
-        other: plan of the arm's other lap, which the best one is grafted on as well, where its elbow is on the same
-            side; None: there is none.
+        other: plan of the arm's other lap, on which the best one goes on as well, where its elbow is on the same side.
 
     Returns:
-        The finalists, the best one first, then the others as their trials left them, without those that diverged.
-
-    Raises:
-        DivergingStartError: if all did.
+        The finalists, the best one first, then the others as their trials left them, without those that diverged; if
+        all did, this is an error.
     """
     folder.mkdir(parents=True, exist_ok=True)
     found = []
@@ -121,24 +93,18 @@ def search(
         file = folder / f"final{one.sequence}.npz"
         finals.append(improved(problem, one.sequence, start, effort.iterations, file))
     best = min(finals, key=lambda one: one.cost)
-    if other is not None and _same_side(best.plan, other):
-        name = f"graft{best.sequence}"
-        start = partial(grafted, problem, best.plan, other)
-        finals.append(improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz"))
+    split = round(GRAFT / problem.period)
+    if other is not None and np.sign(best.plan.states[split, 1]) == np.sign(other.states[split, 1]):
+        start, file = partial(grafted, problem, best.plan, other, split), folder / f"graft{best.sequence}.npz"
+        finals.append(improved(problem, best.sequence, start, effort.iterations, file))
     return sorted(finals, key=lambda one: one.cost) + found[effort.finalists :]
 
 
-def grafted(problem: TrackingProblem, own: Plan, other: Plan) -> Rollout:
-    """Begin with a plan, and go on along another one under its regulator.
+def grafted(problem: TrackingProblem, own: Plan, other: Plan, split: int) -> Rollout:
+    """Begin with a plan, and go on along another lap's from a period on, under its regulator.
 
     Some seconds after the start two laps are the same task, and the search may have found different optima.
-
-    Args:
-        problem: of the lap that begins.
-        own: its plan.
-        other: plan to go on with.
     """
-    split = round(GRAFT / problem.period)
     references, gains = other.states[:-1].copy(), PlanRegulator(other).gains.copy()
     references[:, 0] += 2.0 * np.pi * np.round((own.states[split, 0] - other.states[split, 0]) / (2.0 * np.pi))
     gains[:split] = 0.0
@@ -146,27 +112,12 @@ def grafted(problem: TrackingProblem, own: Plan, other: Plan) -> Rollout:
     return rollout(problem, torques, gains=gains, references=references)
 
 
-def _same_side(own: Plan, other: Plan) -> bool:
-    """Return whether the elbows of two plans are on the same side where one would go over into the other."""
-    split = round(GRAFT / own.period)
-    return bool(np.sign(own.states[split, 1]) == np.sign(other.states[split, 1]))
-
-
 def improved(
-    problem: TrackingProblem,
-    sequence: str,
-    start: Callable[[], Rollout],
-    iterations: int,
-    path: Path,
+    problem: TrackingProblem, sequence: str, start: Callable[[], Rollout], iterations: int, path: Path
 ) -> Candidate:
     """Optimise from a start, or reuse the plan in its file."""
-    settings = {
-        "sequence": sequence,
-        "change_weight": problem.change_weight,
-        "torque_weight": problem.torque_weight,
-        "deflection_limit": problem.deflection_limit,
-        "most_iterations": iterations,
-    }
+    own = {name: getattr(problem, name) for name in ("change_weight", "torque_weight", "deflection_limit")}
+    settings = {"sequence": sequence, **own, "most_iterations": iterations}
     plan = _earlier(path, problem, settings)
     if plan is None:
         plan = Plan.of(problem, optimised(problem, start(), iterations, path.stem), **settings)

@@ -35,8 +35,8 @@ def laps(reports: Reports) -> str:
             continue
         score = report["score"]
         largest, branches = f"{1e3 * score['true_tip_max']:.0f}", f"`{report['branches']}`"
-        row = (_text(name), _errors(score), largest, branches, *_efforts(score), f"{report['residual']:.0e}")
-        rows.append(row)
+        efforts = (" / ".join(f"{x:.1f}" for x in score[key]) for key in EFFORTS)
+        rows.append((_text(name), _errors(score), largest, branches, *efforts, f"{report['residual']:.0e}"))
     return table(("arm, lap", "error [mm]", "largest [mm]", "elbow", *EFFORTS.values(), "residual"), rows)
 
 
@@ -48,28 +48,19 @@ def pace(reports: Reports) -> str:
         if arm == "default" and (path == "square" or path.startswith(PACE)):
             lap_time = float(path.removeprefix(PACE)) if path != "square" else SquareParameters.lap_time
             found.setdefault(lap_time, {})[lap] = report["score"]
-    rows = [
-        (
-            f"{lap_time:g}",
-            *(cell for lap in LAPS for cell in (_errors(laps[lap]), f"{1e3 * laps[lap]['true_tip_max']:.0f}")),
-        )
-        for lap_time, laps in sorted(found.items(), reverse=True)
-    ]
+    rows = []
+    for lap_time, laps in sorted(found.items(), reverse=True):
+        cells = (cell for lap in LAPS for cell in (_errors(laps[lap]), f"{1e3 * laps[lap]['true_tip_max']:.0f}"))
+        rows.append((f"{lap_time:g}", *cells))
     return table(("lap time [s]", *(cell for lap in LAPS for cell in (f"{lap} lap [mm]", "largest [mm]"))), rows)
 
 
 def changed(reports: Reports) -> str:
     """Tabulate what changes make of a corner."""
-    rows = [
-        (
-            row["change"],
-            f"{1e3 * row['true_tip_rms_after_2s']:.2f}",
-            f"{1e3 * row['true_tip_max_after_2s']:.0f}",
-            f"{row['peak_deflection']:.2f}",
-            f"{row['residual']:.0e}",
-        )
-        for row in reports[CHANGED]
-    ]
+    rows = []
+    for row in reports[CHANGED]:
+        errors = f"{1e3 * row['true_tip_rms_after_2s']:.2f}", f"{1e3 * row['true_tip_max_after_2s']:.0f}"
+        rows.append((row["change"], *errors, f"{row['peak_deflection']:.2f}", f"{row['residual']:.0e}"))
     head = ("change", "after 2 s [mm]", "largest after 2 s [mm]", "largest bending of a link [m]", "residual")
     return table(head, rows)
 
@@ -94,10 +85,6 @@ def _text(name: str) -> str:
 def _errors(row: Mapping[str, Any]) -> str:
     """Write the error over the lap / after 2 s."""
     return " / ".join(f"{1e3 * row[key]:.1f}" for key in ("true_tip_rms", "true_tip_rms_after_2s"))
-
-
-def _efforts(row: Mapping[str, Any]) -> list[str]:
-    return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
 TABLES = {"laps": laps, "corner": changed, "pace": pace}
