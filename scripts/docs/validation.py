@@ -72,7 +72,8 @@ def read(report: Path) -> dict[str, Any]:
     """Return what a report holds: checks, and quoted figures and tables by group."""
     groups: dict[str, Any] = {name: {"title": title, "quoted": {}, "tables": {}} for name, title in GROUPS.items()}
     checks = []
-    for case in ET.parse(report).iter("testcase"):
+    # by files: of which process the tests of a file are decides where they stand in the report
+    for case in sorted(ET.parse(report).iter("testcase"), key=lambda case: case.attrib["classname"]):
         group = case.attrib["classname"].removeprefix("tests.validation.").partition(".")[0].removeprefix("test_")
         for entry in case.iter("property"):
             value = json.loads(entry.attrib["value"])
