@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flexarm_env.actions import MODES
-from flexarm_env.allowed import Allowed, Flag, Integer, Number, OneOf, Optional, Pair, allowed_of
+from flexarm_env.allowed import allowed_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from scripts.docs import environments
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, make
-from tests.support.refusals import label, refuses
+from tests.support.refusals import label, refuses, wrong_values
 
 MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
 ON_LINK_1 = {"observation": ["second_sensor_error"], "second_sensor_link": 1}
@@ -190,30 +190,6 @@ def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -
         with pytest.raises(TypeError, match=expected) as caught:
             made()
         assert len(str(caught.value)) < 250
-
-
-def wrong_values(name: str, allowed: Allowed) -> list[tuple[Any, type[Exception], str]]:
-    """Return values that a declaration does not allow, with the error and its message; none for functions' checks."""
-    if isinstance(allowed, Optional):
-        return wrong_values(name, allowed.other)
-    if isinstance(allowed, Pair):
-        each = wrong_values(f"{name}[1]", Number(allowed.least, allowed.most, allowed.unit))
-        pairs = [((allowed.least, value), error, message) for value, error, message in each]
-        return [*pairs, (0.5, TypeError, f"{name} = 0.5: must be a pair of numbers [{allowed.unit}]")]
-    if isinstance(allowed, Number):
-        unit = f" [{allowed.unit}]" if allowed.unit else ""
-        rule = f"must be a finite number and >= {allowed.least} and <= {allowed.most}{unit}"
-        beyond = [math.nextafter(allowed.least, -math.inf), math.nextafter(allowed.most, math.inf), math.nan]
-        wrong = [(value, ValueError) for value in beyond] + [(value, TypeError) for value in ("1", True)]
-        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
-    if isinstance(allowed, Integer):
-        rule = f"must be an integer from {allowed.least} to {allowed.most}"
-        wrong = [(allowed.least - 1, ValueError), (allowed.most + 1, ValueError), (1.0, TypeError), (True, TypeError)]
-        return [(value, error, f"{name} = {value!r}: {rule}") for value, error in wrong]
-    if isinstance(allowed, OneOf):
-        rule = f"must be one of {', '.join(map(repr, allowed.names))}"
-        return [(value, ValueError, f"{name} = {value!r}: {rule}") for value in ("other", 1)]
-    return [(1, TypeError, f"{name} = 1: must be True or False")] if isinstance(allowed, Flag) else []
 
 
 @pytest.mark.parametrize("name", [one.name for one in fields(Settings)])
