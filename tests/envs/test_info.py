@@ -10,7 +10,6 @@ from tests.support.envs import REACH, SQUARE, kinds_of, vector
 
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("env_id", [SQUARE, REACH])
-@pytest.mark.usefixtures("uncompiled")
 def test_infos_of_a_batch_never_change_their_structure(env_id: str, mode: AutoresetMode) -> None:
     """Libraries lay out their memory by the first info."""
     env = vector(env_id, 3, autoreset_mode=mode, error_limit=0.3, start="corner", max_episode_steps=15)

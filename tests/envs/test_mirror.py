@@ -60,7 +60,7 @@ def pair(**options: Any) -> tuple[PlainEnvironment, PlainEnvironment]:
     return PlainEnvironment(**whole), PlainEnvironment(**mirrored_options(whole))
 
 
-def check_mirrored(one: PlainEnvironment, other: PlainEnvironment, steps: int = 12) -> Array:
+def check_mirrored(one: PlainEnvironment, other: PlainEnvironment, steps: int = 8) -> Array:
     """Drive both, one by the mirrored actions, and compare; return the observations' largest magnitudes. Shape (k,)."""
     signs, action_sign = one.simulator.layout.mirror, one.simulator.settings.mode.mirror
     random = np.random.default_rng(5)

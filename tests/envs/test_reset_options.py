@@ -86,10 +86,10 @@ test_a_bad_reset_option_is_refused_and_nothing_moves = refused(
     ({"parameters": {"stiffness": 0.0}}, r"\['stiffness'\] = 0.0.*from 0.001"),
     ({"parameters": {"damping": 1.1}}, r"\['damping'\] = 1.1.*from 0 to 0.3"),
     ({"parameters": {"actuation_delay": 0.1}}, r"\['actuation_delay'\] = 0.1.*from 0 to 0"),
-    ({"state": np.zeros(11)}, r"options\['state'\].*\(12,\).*\(11,\)"),
-    ({"state": np.full(12, 1e4)}, r"options\['state'\]\[0\] = 10000.0.*6283.19"),
-    ({"state": [math.nan] * 12}, r"options\['state'\]\[0\] = nan.*finite"),
-    by=calling(partial(make, **DRAWING), "reset", "options", seed=7),
+    ({"state": np.zeros(11)}, r"options\['state'\].*\(16,\).*\(11,\)"),
+    ({"state": np.full(16, 1e4)}, r"options\['state'\]\[0\] = 10000.0.*6283.19"),
+    ({"state": [math.nan] * 16}, r"options\['state'\]\[0\] = nan.*finite"),
+    by=calling(partial(make, arm="default", **DRAWING), "reset", "options", seed=7),
 )
 test_a_bad_option_of_a_batch_is_refused_and_nothing_moves = refused(
     ({"reset_mask": [True, False]}, r"reset_mask.*shape \(3,\)"),

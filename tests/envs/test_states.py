@@ -1,7 +1,6 @@
 """States: what is set to one goes on to the same bits, alone or among others; other states are refused."""
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_draws import ALL, EITHER
-from tests.envs.test_seeds import NOISY, digest, elsewhere, noisy
+from tests.envs.test_seeds import NOISY, digest, noisy
 from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
 from tests.support.refusals import label, refuses
 
@@ -33,16 +32,15 @@ def run(env: FlexArmEnv, steps: int) -> list[Any]:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=label)
-@pytest.mark.usefixtures("uncompiled")
 def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any]) -> None:
     """And another one goes on from it, though its own episode has drawn another arm."""
     env, other = bare(env_id, 3, **options), bare(env_id, 4, **options)
     digest(env, 12)
     state = env.get_state()
-    expected = run(env, 16)
+    expected = run(env, 11)
     observation, info = env.set_state(state)
     np.testing.assert_array_equal(env.get_state(), state)
-    np.testing.assert_equal(run(env, 16), expected)
+    np.testing.assert_equal(run(env, 11), expected)
     env.set_state(state)
     np.testing.assert_equal((env.simulator.single_observation, env._infos.read()), (observation, info))
     np.testing.assert_equal(other.set_state(state), (observation, info))
@@ -73,14 +71,6 @@ def test_another_environment_goes_on_in_its_place() -> None:
         np.testing.assert_array_equal(many[1][rows], seen[1])
     envs.reset(options={"reset_mask": np.isin(np.arange(11), rows)})
     np.testing.assert_array_equal(envs.simulator.observations[rows], [env.reset()[0]] * 2)
-
-
-def test_another_process_goes_on(tmp_path: Path) -> None:
-    """It has other hashes of strings, and therefore sets of them in another order."""
-    env = bare(seed=3)
-    np.save(tmp_path / "state.npy", state := env.get_state())
-    code = "print(bare().set_state(np.load(sys.argv[1]))[1]['state'].tolist())"
-    assert elsewhere(code, str(tmp_path / "state.npy")) == str(env.set_state(state)[1]["state"].tolist())
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])

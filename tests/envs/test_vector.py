@@ -46,7 +46,6 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
     assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
 
 
-@pytest.mark.usefixtures("uncompiled")
 def test_an_invalid_state_resets_alike() -> None:
     """A diverged neighbour changes nothing for the others, and leaves nothing behind for its own next episode."""
     options = {"gain_limit": 1e6, "proportional_gain": 1e9, "max_episode_steps": 20}
