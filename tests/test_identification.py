@@ -132,7 +132,6 @@ def test_the_command_writes_what_it_finds(tmp_path: Path, clean: Recording, caps
     assert "payload_mass" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("uncompiled")
 def test_an_environment_is_recorded() -> None:
     blocks = ("sensed_position", "joint_angles")
     env = bare("FlexArm/Square-v0", scaled=False, frame="world", observation=blocks, arm={"modes_per_link": 1})

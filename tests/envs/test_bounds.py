@@ -47,7 +47,7 @@ def play(env: Any, policy: str, steps: int, seed: int) -> None:
 def test_no_policy_leaves_the_bounds(env_id: str, options: dict[str, Any], kernels: str) -> None:
     """In plain Python a policy for each case, compiled all of them, and for longer."""
     if kernels == "plain":
-        play(make(env_id, max_episode_steps=25, **options), POLICIES[CASES.index((env_id, options)) % 4], 30, seed=4)
+        play(make(env_id, max_episode_steps=12, **options), POLICIES[CASES.index((env_id, options)) % 4], 15, seed=4)
     else:
         for policy in POLICIES:
             play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
@@ -60,7 +60,7 @@ def test_no_policy_leaves_the_bounds_for_long(policy: str) -> None:
         play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
 
 
-@cases(60, 1_000)
+@cases(25, 1_000)
 @given(any_options(garbage=False), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
 def test_no_options_leave_the_bounds(options: dict[str, Any], policy: str, seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:

@@ -74,7 +74,7 @@ def test_a_seed_determines_drawn_paths_and_rewards() -> None:
     """An environment of a batch is the single one, to the last bit."""
     own = {"reference": "drawn", "waypoints": drawn_corners, "lap_time": 8.0}
     own |= {"reward": terms_together, "termination": is_bent}
-    same_as_alone(TRACK, 3, own, 60)
+    same_as_alone(TRACK, 3, own, 30)
     first, *others = (bare(TRACK, seed, **own, start="corner").step(np.zeros(2))[4]["reference"] for seed in (0, 1, 0))
     np.testing.assert_array_equal(first, others[1])
     assert np.abs(first - others[0]).min() > 1e-3

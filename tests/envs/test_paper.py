@@ -4,7 +4,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pytest
 
 from flexarm_env import ArmParameters, SquareParameters, square
 from flexarm_env.envs.single import FlexArmEnv
@@ -67,7 +66,6 @@ def test_the_reference_where_corners_fall_between_the_instants() -> None:
     np.testing.assert_array_equal(block(env, observations, "reference_velocity"), np.float32(path.velocity(times)))
 
 
-@pytest.mark.usefixtures("uncompiled")
 def test_info_and_tips() -> None:
     env = paper(arm="default")
     _, infos = recorded(env)

@@ -87,17 +87,17 @@ GAIN_LANES: dict[str, list[Any]] = {
 FURTHER = {"second_sensor_link": 1, "imu_link": 2, "observation": ["second_sensor_error", "accelerometer", "gyro"]}
 # Options that all have, those of each, steps in plain Python.
 TABLES: list[tuple[dict[str, Any], dict[str, list[Any]], int]] = [
-    ({}, SENSOR_LANES, 10),
-    (FURTHER, FURTHER_LANES, 10),
+    ({}, SENSOR_LANES, 6),
+    (FURTHER, FURTHER_LANES, 6),
     ({"physics_step": 5e-4}, MOTOR_LANES, 5),
     ({}, DISTURBED_LANES, 5),
-    ({"feedback_source": "sensor"}, GAIN_LANES, 10),
+    ({"feedback_source": "sensor"}, GAIN_LANES, 6),
 ]
 
 
 def test_each_environment_is_the_single_one_with_its_options() -> None:
     """A full block and one with lanes of no environment."""
-    same_as_alone(SQUARE, 9, {}, 60, per_env=TORQUE_LANES)
+    same_as_alone(SQUARE, 9, {}, 30, per_env=TORQUE_LANES)
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: next(iter(table[1])))

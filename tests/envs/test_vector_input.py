@@ -155,7 +155,6 @@ def test_masks_that_keys_share_cannot_be_written() -> None:
 
 
 @pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.usefixtures("uncompiled")
 def test_spaces_and_metadata(env_id: str) -> None:
     options = {"noise": 0.01}
     env, single = vector(env_id, 3, autoreset_mode="SameStep", **options), make(env_id, **options)

@@ -47,7 +47,7 @@ OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
 @pytest.mark.parametrize("count", [8, 11])
 def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) -> None:
     """A full block, and one with lanes of no environment."""
-    same_as_alone(env_id, count, options, 60)
+    same_as_alone(env_id, count, options, 30)
 
 
 OTHERS = [(8, case) for case in ALIKE_OF_OTHER_KERNELS] + [(3, case) for case in OTHER_KERNELS]
@@ -57,7 +57,7 @@ OTHERS = [(8, case) for case in ALIKE_OF_OTHER_KERNELS] + [(3, case) for case in
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_lanes_of_other_kernels(kernels: str, count: int, case: tuple[str, dict[str, Any]]) -> None:
     env_id, options = case
-    steps = 10 if count == 8 else 7 if "payload_changes" in options else 3  # both changes
+    steps = 6 if count == 8 else 7 if "payload_changes" in options else 3  # both changes
     same_as_alone(env_id, count, options, steps if kernels == "plain" else 60)
 
 
@@ -72,7 +72,7 @@ def test_lanes_of_blocks_of_any_width(env_id: str, count: int) -> None:
     """In blocks of 8, the last of them nearly empty, or in three large ones; with all that is random."""
     assert [block_lanes(many, 1) for many in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 8, 344]
     options = envs.random_options(env_id) | {"error_limit": 0.6}
-    same_as_alone(env_id, count, options, 80, chosen=[*range(0, count, count // 10), 7, 8, count - 1])
+    same_as_alone(env_id, count, options, 30, chosen=[*range(0, count, count // 10), 7, 8, count - 1])
 
 
 def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
@@ -95,7 +95,7 @@ def test_observations_of_any_length(count: int) -> None:
     blocks = ["time"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
     options = {"observation": blocks, **({"last_actions": count // 2} if count > 1 else {})}
     assert envs.bare(**options).observation_space.shape == (count,)
-    same_as_alone(SQUARE, 8, options, 40)
+    same_as_alone(SQUARE, 8, options, 30)
 
 
 def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:

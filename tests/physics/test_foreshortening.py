@@ -99,7 +99,6 @@ test_refusals = refused(
 )
 
 
-@pytest.mark.usefixtures("uncompiled")
 @pytest.mark.parametrize("model", ["collocated", "true"])
 def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel) -> None:
     """(10), (14) through `position` and `velocity` alone, with a stiff solver; the loop's kernel has its own ways."""

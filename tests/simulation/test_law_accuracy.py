@@ -49,7 +49,10 @@ CASES: dict[str, tuple[Problem, float, float]] = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+SLOW = ("paper, collocated, lap", "4 modes, end effector", "4 modes, gain 17")  # others use the same formulas
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES])
 def test_agrees_with_the_oracle(name: str) -> None:
     assert_accurate(*CASES[name])
 
@@ -148,7 +151,7 @@ def test_order_of_convergence() -> None:
 @pytest.mark.parametrize("gain", [0.1, 17.0])
 @pytest.mark.parametrize(
     "arm",
-    [PAPER, arm_of(2), pytest.param(arm_of(3), marks=pytest.mark.slow), arm_of(4)],  # 3 modes: a kernel of their own
+    [PAPER, arm_of(2), *(pytest.param(arm_of(modes), marks=pytest.mark.slow) for modes in (3, 4))],
     ids=["paper", "2 modes", "3 modes", "4 modes"],
 )
 def test_stable_over_the_lap(arm: ArmParameters, gain: float) -> None:
