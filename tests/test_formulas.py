@@ -13,8 +13,8 @@ from tests.support.lagrange import DRY, loaded_arm, random_state
 from tests.support.refusals import refuses
 
 VARIANTS: list[tuple[int, dict[str, Any]]] = [
-    (2, {}),
-    (3, {"kinematics": "foreshortened", "mode_shapes": "polynomial", **DRY}),
+    (1, {}),
+    (2, {"kinematics": "foreshortened", "mode_shapes": "polynomial", **DRY}),
     (1, {"velocity_forces": "rigid"}),
 ]
 TORQUE = np.array([12.0, -5.0])

@@ -62,12 +62,12 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def together(copy: Path) -> list[tuple[str, int, list[str]]]:
     """Collect what processes find that start together on an empty cache."""
-    return [finish(process) for process in [start(copy) for _ in range(3)]]
+    return [finish(process) for process in [start(copy) for _ in range(2)]]
 
 
 def test_of_processes_that_start_together_one_compiles(copy: Path, together: list[tuple[str, int, list[str]]]) -> None:
-    assert sorted(hits for _, hits, _ in together) == [0, 1, 1]
-    assert together[0][2] == together[1][2] == together[2][2]
+    assert sorted(hits for _, hits, _ in together) == [0, 1]
+    assert together[0][2] == together[1][2]
     assert not list((copy / "cache").glob("*.tmp"))  # nothing is left lying about
     assert finish(start(copy)) == (together[0][0], 1, together[0][2])  # the cache that they leave is a good one
 
@@ -88,13 +88,14 @@ def test_an_edited_formula_comes_through(copy: Path, together: list[tuple[str, i
         stamp = file.stat()
         file.write_text(text.replace(old, new), encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 10**9))  # for Python's own cache of bytecode
-        edited, _ = start(copy, "identity").communicate(timeout=60)
-        assert edited.strip() not in identities
-        identities.add(edited.strip())
         if name == "kernels/rk4.py":
-            _, hits, state = finish(start(copy))
+            edited, hits, state = finish(start(copy))
             assert hits == 0
             assert state != together[0][2]
+        else:
+            edited = start(copy, "identity").communicate(timeout=60)[0].strip()
+        assert edited not in identities
+        identities.add(edited)
         file.write_text(text, encoding="utf-8")
         os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2 * 10**9))
 
