@@ -18,7 +18,8 @@ from flexarm_baselines.optimal import GOOD, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
-from tests.support.late_arm import ARM, SIZE, START, Plant, off_plan, plan, task
+from tests.support.late_arm import ARM, SIZE, START, Plant, plan, task
+from tests.support.refusals import refused
 
 WEIGHTS = RegulatorWeights(tip=0.01, speed=0.3, torque=(6.0, 2.0))
 NOISE = NoiseModel(
@@ -54,15 +55,16 @@ def gain(one: Game, solution: Solution) -> float:
     return float(np.linalg.norm(np.concatenate([*outputs, root(one.cost[0, -1]).T @ z]), 2))
 
 
-@pytest.mark.parametrize("kind", [HInfinityLQG, InertialLQG])
-def test_a_payload_that_changes_is_refused(kind: type[LQG]) -> None:
-    with pytest.raises(ValueError, match="payload_changes"):
-        kind(replace(task(), payloads=np.zeros(len(plan().torques))), [plan()])
+def with_changes() -> Task:
+    return replace(task(), payloads=np.zeros(len(plan().torques)))
 
 
-def test_the_game_has_no_late_motors() -> None:
-    with pytest.raises(ValueError, match=r"actuation_delay = 0\.01 s"):
-        HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()])
+test_refusals = refused(
+    (lambda: HInfinityLQG(with_changes(), [plan()]), "payload_changes"),
+    (lambda: InertialLQG(with_changes(), [plan()]), "payload_changes"),
+    (lambda: HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()]), r"actuation_delay = 0\.01 s"),
+    (lambda: HInfinityLQG(task(), [plan()], gamma=1e-6), r"gamma = 1e-06: no controller guarantees it"),
+)
 
 
 def test_gamma_is_guaranteed_and_the_least_one_is_tight(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,19 +93,13 @@ def test_with_a_large_gamma_it_is_lqg() -> None:
     assert np.abs(found.solution.pull).max() < 1e-3
 
 
+@pytest.mark.slow  # for the whole lap; the game itself is tested above
 def test_the_shipped_gamma_is_a_tenth_above_the_least() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **HInfinityLQG.options())
     own = Task.of(env)
     shipped = Game.of(own, LQG(own).plans, FlexibleArm(own.arm), hinf.WEIGHTS, hinf.KNOWN)
     assert shipped.solved(hinf.GAMMA / 1.15) is None
     assert shipped.solved(hinf.GAMMA / 1.05) is not None
-
-
-def test_on_the_plan_it_replays_the_plan_and_refuses_a_gamma_without_a_controller() -> None:
-    off = off_plan(HInfinityLQG(task(), [plan()], gamma=1e3), Plant(np.tile(START, (2, 1))), plan())
-    assert np.abs(off).max() < 2e-3  # as LQG
-    with pytest.raises(ValueError, match=r"gamma = 1e-06: no controller guarantees it"):
-        HInfinityLQG(task(), [plan()], gamma=1e-6)
 
 
 # --- LQG that finds out what the arm, the sensor and the motors are --------------------------------------------------

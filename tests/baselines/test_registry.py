@@ -108,16 +108,13 @@ def test_a_controllers_options_fit_ids_that_observe_other_actions(name: str) -> 
     assert "last_actions" not in env.unwrapped.observation_blocks  # type: ignore[attr-defined]
 
 
-def test_an_unknown_name() -> None:
-    with pytest.raises(ValueError, match=r"name = 'lqq'.*'ifdc'"):
-        controller("lqq")
-
-
-def test_entries_are_described() -> None:
+def test_entries_are_described_and_other_names_refused() -> None:
     for name, one in CONTROLLERS.items():
         assert one.text, name
         assert one.source, name
         assert "\n" not in one.text
+    with pytest.raises(ValueError, match=r"name = 'lqq'.*'ifdc'"):
+        controller("lqq")
 
 
 # --- while the late sensor holds its last reading --------------------------------------------------------------------

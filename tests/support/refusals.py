@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from operator import call
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,9 @@ def label(value: object) -> str:
     return re.sub(r" at 0x[0-9a-f]+", "", str(value))[:40]
 
 
-def called(call: Any) -> object:
-    return call()
-
-
 def refused(
     *cases: tuple[Any, str],
-    by: Callable[[Any], object] = called,
+    by: Callable[[Any], object] = call,
     kind: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Callable[[Any, str], None]:
     """Make a test of a table of what is refused: calls, or what `by` is called with, each with a pattern of the text.
