@@ -26,7 +26,9 @@ def test_lost_episodes_are_counted_and_never_averaged() -> None:
     found = lap_summary([episode(0.1), episode(0.3), episode(None, 2.5), episode(None, 1.5)])
     assert (found["episodes"], found["lost"], found["first_loss"]) == (4, 2, 1.5)
     assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3, "median": 0.3, "p90": None}
-    assert lap_summary([episode(None, 1.0)])["rms"] is None
+    other = lap_summary([episode(None, 1.0)])
+    assert other["rms"] is None
+    assert loss([found, other]) == pytest.approx(0.6)
     assert point_summary(None) is None
     assert point_summary({"not_applicable": "why"}) == {"not_applicable": "why"}
 
@@ -67,11 +69,6 @@ def test_the_interval_of_a_loss_rate_is_that_of_clopper_and_pearson(episodes: in
     assert low <= lost / episodes <= high
     assert low == 0.0 if lost == 0 else binom.sf(lost - 1, episodes, low) == pytest.approx(0.025, rel=1e-6)
     assert high == 1.0 if lost == episodes else binom.cdf(lost, episodes, high) == pytest.approx(0.025, rel=1e-6)
-
-
-def test_the_share_of_lost_laps_is_of_all() -> None:
-    laps = [lap_summary([episode(0.1), episode(0.3), episode(None), episode(None)]), lap_summary([episode(None)])]
-    assert loss(laps) == pytest.approx(0.6)
 
 
 # --- flexarm evaluate --sweep ----------------------------------------------------------------------------------------

@@ -29,12 +29,6 @@ def raised(error: Exception, cause: Exception) -> Exception:
         return found
 
 
-def test_a_failure_says_of_what_kind_it_is() -> None:
-    assert str(Failure("lqg", KeyError("gain"))) == "lqg: KeyError: 'gain'"
-    assert str(Failure("lqg", AssertionError())) == "lqg: AssertionError: "
-    assert "\n" not in str(Failure("lqg", ValueError("one\n  two")))
-
-
 def test_each_failure_has_a_line_and_a_traceback(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "results"
     one = raised(ValueError("bad"), OSError("inner"))
@@ -47,6 +41,8 @@ def test_each_failure_has_a_line_and_a_traceback(tmp_path: Path, capsys: pytest.
     assert all(text in log for text in ("OSError: inner", "in raised", "KeyError: 'x'"))
     check_failures([], folder, "the others are kept")
     assert list(folder.iterdir()) == []
+    assert str(Failure("lqg", AssertionError())) == "lqg: AssertionError: "
+    assert "\n" not in str(Failure("lqg", ValueError("one\n  two")))
 
 
 def test_what_failed_in_a_worker_brings_its_traceback() -> None:

@@ -19,6 +19,15 @@ from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
 from tests.support.shell import Shell
 
+pygame = pytest.importorskip("pygame")
+pytestmark = pytest.mark.usefixtures("unseen")
+
+
+@pytest.fixture
+def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let windows open on a display that nobody sees."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
 
 @pytest.fixture
 def live() -> Iterator[LiveArm]:
@@ -28,9 +37,7 @@ def live() -> Iterator[LiveArm]:
 
 
 @pytest.fixture
-def viewer(live: LiveArm, monkeypatch: pytest.MonkeyPatch) -> Iterator[Viewer]:
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def viewer(live: LiveArm, unseen: None) -> Iterator[Viewer]:
     opened = Viewer(live)
     yield opened
     opened.window.close()
@@ -40,7 +47,7 @@ def state(live: LiveArm) -> Any:
     return live._info["state"]
 
 
-def test_untouched_it_is_the_environment(live: LiveArm) -> None:
+def test_untouched_it_is_the_environment_and_the_gain_is_the_action(live: LiveArm) -> None:
     env = live._make()
     env.reset(seed=0, options={"parameters": {"delay": live.knobs.delay}})
     live.advance(50)
@@ -49,6 +56,9 @@ def test_untouched_it_is_the_environment(live: LiveArm) -> None:
     np.testing.assert_array_equal(state(live), info["state"])
     assert len(live.errors) == 51
     assert live.errors[-1] == np.hypot(*(info["true_tip"] - info["reference"][:2]))
+    live.turn(gain=1.5)
+    live.advance(1)
+    assert live._info["gain"] == 1.5
 
 
 @pytest.mark.parametrize("changes", [{"delay": 0.1}, {"place": 2.0}, {"delay": 0.0, "place": 0.5}])
@@ -63,12 +73,6 @@ def test_the_sensor_is_moved_at_once_and_the_arm_stays(live: LiveArm, changes: d
     assert live._env.settings.sensor_position == live.knobs.place
     live.advance(1)
     assert live.phase == pytest.approx(1.51)
-
-
-def test_the_gain_is_the_action(live: LiveArm) -> None:
-    live.turn(gain=1.5)
-    live.advance(1)
-    assert live._info["gain"] == 1.5
 
 
 def test_a_late_sensor_loses_the_arm_and_a_lap_begins_anew(live: LiveArm) -> None:
@@ -93,14 +97,13 @@ def test_bad_knobs_are_refused(live: LiveArm, changes: dict[str, float]) -> None
     assert live.knobs == Knobs()
 
 
-def post(viewer: Viewer, kind: str, **values: Any) -> None:
-    pygame = viewer._pygame
+def post(kind: str, **values: Any) -> None:
     pygame.event.post(pygame.event.Event(getattr(pygame, kind), **values))
 
 
 def press(viewer: Viewer, *names: str) -> None:
     for name in names:
-        post(viewer, "KEYDOWN", key=getattr(viewer._pygame, f"K_{name}"))
+        post("KEYDOWN", key=getattr(pygame, f"K_{name}"))
     viewer.frame()
 
 
@@ -117,13 +120,13 @@ def test_keys_choose_and_move_sliders(viewer: Viewer) -> None:
 
 def test_sliders_are_dragged(viewer: Viewer) -> None:
     slider = viewer.sliders[0]
-    post(viewer, "MOUSEBUTTONDOWN", button=1, pos=(slider.place(0.03), slider.y))
-    post(viewer, "MOUSEMOTION", pos=(slider.place(0.08), 20), rel=(0, 0), buttons=(1, 0, 0))
-    post(viewer, "MOUSEBUTTONUP", button=1, pos=(0, 0))
-    post(viewer, "MOUSEMOTION", pos=(slider.place(0.01), slider.y), rel=(0, 0), buttons=(0, 0, 0))
+    post("MOUSEBUTTONDOWN", button=1, pos=(slider.place(0.03), slider.y))
+    post("MOUSEMOTION", pos=(slider.place(0.08), 20), rel=(0, 0), buttons=(1, 0, 0))
+    post("MOUSEBUTTONUP", button=1, pos=(0, 0))
+    post("MOUSEMOTION", pos=(slider.place(0.01), slider.y), rel=(0, 0), buttons=(0, 0, 0))
     viewer.frame()
     assert viewer.live.knobs == Knobs(delay=pytest.approx(0.08))
-    post(viewer, "MOUSEBUTTONDOWN", button=1, pos=(9999, slider.y))  # beside it
+    post("MOUSEBUTTONDOWN", button=1, pos=(9999, slider.y))  # beside it
     viewer.frame()
     assert viewer.live.knobs.delay == pytest.approx(0.08)
 
@@ -143,7 +146,7 @@ def test_it_runs_in_real_time_pauses_and_begins_anew(viewer: Viewer) -> None:
 
 def test_the_picture_has_the_arm_and_the_sliders(viewer: Viewer) -> None:
     viewer.frame()
-    shown = viewer._pygame.surfarray.array3d(viewer._pygame.display.get_surface()).swapaxes(0, 1)
+    shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
     assert shown.shape == (SIZE[1], SIZE[0], 3)
     np.testing.assert_array_equal(shown[:, :SIDE], viewer.live.picture())
     for slider in viewer.sliders:
@@ -152,8 +155,6 @@ def test_the_picture_has_the_arm_and_the_sliders(viewer: Viewer) -> None:
 
 
 def test_the_verb_ends_when_the_window_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     frames: list[Viewer] = []
     original = Viewer.frame
 
@@ -173,7 +174,6 @@ def test_the_verb_ends_when_the_window_is_closed(monkeypatch: pytest.MonkeyPatch
 # --- recorded runs as pictures: `Film`, and the verbs `render` and `replay` ------------------------------------------
 
 
-pygame = pytest.importorskip("pygame")
 PIXELS = 64
 
 
@@ -268,8 +268,7 @@ def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> No
     assert (tmp_path / "run.png").exists()
 
 
-def test_replay_opens_a_window(run: Trajectory, flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def test_replay_opens_a_window(run: Trajectory, flexarm: Shell) -> None:
     run.save("run.npz")
     flexarm("replay", "run.npz", "--fps", "100", "--size", PIXELS, "--speed", "10")
     assert not pygame.display.get_init()
