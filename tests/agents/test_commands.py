@@ -32,7 +32,9 @@ from flexarm_env.envs.termination import ENDS
 from tests.support.shell import Shell
 
 
-def test_help_shows_every_verb_and_examples(flexarm: Shell) -> None:
+def test_help_shows_every_verb_and_examples_and_fits_into_the_terminal(
+    flexarm: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = flexarm("--help").stdout
     assert all(re.search(rf"^  {verb} ", out, re.MULTILINE) for verb in VERBS)
     assert "flexarm evaluate runs/mine" in out
@@ -41,9 +43,7 @@ def test_help_shows_every_verb_and_examples(flexarm: Shell) -> None:
         out = flexarm(verb, "--help").stdout
         for line in (*EXAMPLES[verb], STATUS):
             assert re.sub(r"\W+", "", line) in re.sub(r"\W+", "", out)  # a line may be broken, or in a frame
-
-
-def test_descriptions_fit_into_the_terminal(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert flexarm("--version").stdout == f"flexarm {flexarm_env.__version__}\n"
     monkeypatch.setenv("COLUMNS", "70")
     description = flexarm("leaderboard", "--help").stdout.partition("\n\n")[2].partition("options:")[0]
     assert max(map(len, description.splitlines())) <= 70
@@ -76,10 +76,6 @@ def test_nobody_reads_what_is_printed(output: str, code: int) -> None:
         check=False,
     )
     assert (done.returncode, done.stderr) == (code, "")
-
-
-def test_the_version(flexarm: Shell) -> None:
-    assert flexarm("--version").stdout == f"flexarm {flexarm_env.__version__}\n"
 
 
 def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:
@@ -137,17 +133,13 @@ def test_show_tells_all_that_is_declared(name: str) -> None:
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_show_takes_an_id_without_namespace(flexarm: Shell) -> None:
-    first = flexarm("show", "Reach-v0").stdout
-    assert flexarm("show", "flexarm_env:FlexArm/Reach-v0").stdout == first
-
-
 def test_ids_of_other_modules(flexarm: Shell) -> None:
     """The command finds them in the present folder, and writes what the module says."""
     register = """import gymnasium; gymnasium.register("Mine/Task-v0", "flexarm_env.envs.single:FlexArmEnv",
         max_episode_steps=700, kwargs={"reward": lambda infos: infos["time"], "side": 8.0})"""
     Path("own_task_of_a_test.py").write_text(f'"""Go round a small square.\n\nFor beginners."""\n{register}\n')
     out = flexarm("show", "own_task_of_a_test:Mine/Task-v0").stdout
+    assert flexarm("show", "Reach-v0").stdout == flexarm("show", "flexarm_env:FlexArm/Reach-v0").stdout
     for words in ("Mine/Task-v0: Go round a small square.\n\nFor beginners.", "700 steps", "side    8.0", "<lambda>"):
         assert words in out
     assert "its module cannot be imported" in flexarm("show", "no_such_module:Mine/Task-v0", status=1).stderr

@@ -39,6 +39,7 @@ SIGNALS = [  # sent at a step of the batch, after which so many steps of the env
     ("dagger", signal.SIGTERM, 2000, 12800),
     ("fopg", signal.SIGTERM, 50, 64),
 ]
+CONTAINED = ("recurrent_ppo", "sac", "lags")  # others of `CASES` have each of these, and more
 STEPS = {"dagger": [6400, 12800, 19200], "fopg": [64, 128, 192, 256]}
 ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
 ENCODERS |= {"dagger": PastReadings, "privileged": PastReadings}
@@ -47,6 +48,10 @@ LEFT = {
     "last_policy.npz", "learning_curve.png", "tensorboard", "versions.json",
 }  # fmt: skip
 MORE = {"dagger": {"plans"}, "fopg": set(), "initial": {"best_model.zip", "initial_policy.npz"}}
+
+
+def case(name: str, *rest: Any) -> Any:
+    return pytest.param(name, *rest, marks=[pytest.mark.slow] * (name in CONTAINED))
 
 
 class Runs:
@@ -83,7 +88,7 @@ def evaluations(folder: Path) -> Any:
     return rows
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [case(name) for name in CASES])
 def test_what_a_training_leaves(runs: Runs, name: str) -> None:
     run, rows = runs(name), evaluations(runs(name))
     assert {path.name for path in run.iterdir()} == LEFT | MORE.get(name, {"best_model.zip"})
@@ -120,7 +125,7 @@ def test_the_best_model_is_the_best_policy_and_another_seed_gives_another(runs: 
     assert not same_policy(runs("ppo") / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
 
 
-@pytest.mark.parametrize(("name", "step"), [(name, step) for name in CASES for step in BREAKS.get(name, (100,))])
+@pytest.mark.parametrize(("name", "step"), [case(name, n) for name in CASES for n in BREAKS.get(name, (100,))])
 def test_an_interrupted_training_ends_in_the_same_bits(runs: Runs, tmp_path: Path, name: str, step: int) -> None:
     """Replay buffers, memories of encoders, candidates and plans go on as they were; what is complete is left alone."""
     whole, run, config = runs(name), tmp_path / "run", runs.config(name)
@@ -154,7 +159,7 @@ def test_a_signal_keeps_every_step(
     assert same_policy(whole / "last_policy.npz", run / "last_policy.npz")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [case(name) for name in CASES])
 def test_another_training_and_a_spoilt_one_are_refused(runs: Runs, tmp_path: Path, name: str) -> None:
     """Neither is a folder overwritten, nor do weights end under another configuration's name."""
     run, config, other = runs(name), runs.config(name), runs.config(name, seed=4, learning_rate=0.02)

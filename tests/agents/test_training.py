@@ -143,7 +143,7 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
     draw.
     """
     sizes: dict[str, Any] = {"envs": 8, "rollout": 256, "batch": 512, "hidden": (64, 64), "episode_steps": 150}
-    train(PPOConfig(seed=1, steps=100_000, evaluate_every=100_000, learning_rate=2e-3, **sizes), tmp_path / "run")
+    train(PPOConfig(seed=1, steps=50_000, evaluate_every=50_000, learning_rate=2e-3, **sizes), tmp_path / "run")
     last = load_policy(tmp_path / "run", last=True).policy
     assert mean_return(last) > 1.5 * mean_return(ConstantPolicy(2))
 
@@ -201,9 +201,10 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_policy_of_another_kind(tmp_path: Path) -> None:
-    train(config_of(**{**TINIES["sac"], "steps": 80, "evaluate_every": 80}), tmp_path / "sac")
+    notes = {"config": {"environment": ID, "options": TINY["options"]}}
+    network_policy(new_model(config_of(**TINIES["sac"])), notes).save(tmp_path / "sac.npz")
     with pytest.raises(ValueError, match=r"must be a fully connected network, as PPO and teaching make it"):
-        train(config_of(**{**TINY, "initial_policy": str(tmp_path / "sac")}), tmp_path / "run")
+        train(config_of(**{**TINY, "initial_policy": str(tmp_path / "sac.npz")}), tmp_path / "run")
 
 
 def test_a_curriculum_ends() -> None:

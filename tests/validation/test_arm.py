@@ -157,7 +157,7 @@ test_checks = checked(
     Check(
         "bare arm, free joints, 2 clamped-free modes: first two elastic frequencies, largest error",
         lambda: largest("cantilever", "free", "bare")[1].max(),
-        "the claim of docs/model.md, 1 %, which is checked here; the linear arm has these",
+        "the claim of docs/validation.md, 1 %, which is checked here; the linear arm has these",
         most=0.01,
     ),
     Check(

@@ -75,7 +75,7 @@ test_checks = checked(
     Check(
         "pinned-free: first frequency with 2 modes, relative error",
         lambda: max(errors[0] for errors in bare("pinned", 2)),
-        "the claim of docs/model.md, 1 % for free joints with 2 modes, which is checked here",
+        "the claim of docs/validation.md, 1 % for free joints with 2 modes, which is checked here",
         most=0.01,
     ),
     *small_motion.rayleigh_and_ritz(
