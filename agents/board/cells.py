@@ -130,11 +130,18 @@ class Store:
 
 
 def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Put cells together by their entries, at most as many episodes as a batch has."""
-    jobs = []
+    """Put cells together by their entries and tasks.
+
+    Those of the entry's own task, which are most, are shared out, at most as many episodes as a batch has. Those of any
+    other task are one job, so that one worker alone designs the policy for it.
+    """
+    jobs: list[list[Cell]] = []
     for _, members in groupby(cells, lambda cell: cell.entry.source + repr(cell.entry)):
-        own = list(members)
-        jobs += [[own[n] for n in some] for some in shares([len(cell.point.episodes) for cell in own])]
+        for task, found in groupby(sorted(members, key=lambda cell: cell.point.task), lambda cell: cell.point.task):
+            own = list(found)
+            episodes = [len(cell.point.episodes) for cell in own]
+            groups = shares(episodes) if task == own[0].entry.home else [range(len(own))]
+            jobs += [[own[n] for n in some] for some in groups]
     return jobs
 
 

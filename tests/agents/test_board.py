@@ -263,6 +263,16 @@ def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
     assert list(shares([])) == []
 
 
+def test_one_job_has_all_of_a_task_that_is_not_the_entrys_own() -> None:
+    row, other = Entry(AGENT), Entry("lqg")
+    some = [Point(n, task=task) for n, task in enumerate(["square", "pace9", "carry", "pace9", *["square"] * LANES])]
+    jobs = jobs_of([Cell.of(entry, point) for entry in (row, other) for point in some])
+    found = [(job[0].entry, {cell.point.task for cell in job}, len(job)) for job in jobs]
+    half = LANES // 2  # of two laps each
+    of_each = [({"carry"}, 1), ({"pace9"}, 2), ({"square"}, half), ({"square"}, half), ({"square"}, 1)]
+    assert found == [(entry, *one) for entry in (row, other) for one in of_each]
+
+
 # --- rows and columns ------------------------------------------------------------------------------------------
 
 
