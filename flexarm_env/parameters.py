@@ -62,7 +62,7 @@ class ArmParameters:
         flexural_rigidities: EI of each link [N m^2]. Paper: 1676.
         masses_per_length: rho of each link [kg/m]. Paper: 0.335.
         modes_per_link: shapes of each link, 1 to 4; 3 by default. The paper has 1, whose elastic frequencies are much
-            too high (docs/model.md has the figures).
+            too high (docs/validation.md has the figures).
         shoulder_hub_inertia: turns at the rate of theta1 [kg m^2].
         elbow_hub_inertia: turns with the root of link 2, at its absolute rate [kg m^2].
         elbow_mass: point mass at the tip of link 1 [kg].

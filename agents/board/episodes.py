@@ -1,7 +1,8 @@
 """Runs the episodes of an entry at some points: in batches whose lanes have settings of their own.
 
 A result is the same, to the last bit, whatever other points are run with it: the kernels' lanes do not depend on each
-other, and a policy whose rows do (`Entry.independent`) is called with the episodes of one point at a time.
+other. Controllers, whose rows do not either (`Entry.independent`), are called once for a whole batch, other policies
+once for each point.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ TILE = 8  # lanes that are transposed at once
 
 def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Generate the instructions that choose and sign sine and cosine."""
         turned = VectorWriter(context, builder, 1, {}).quarter_turns(*arguments)
         return context.make_tuple(builder, signature.return_type, turned)
 
@@ -41,6 +42,7 @@ def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: A
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Generate the instructions that make an array of a piece of memory."""
         whole = context.make_array(memory)(context, builder, arguments[0])
         array = context.make_array(kind)(context, builder)
         lengths = [builder.extract_value(arguments[2], n) for n in range(len(shape))]
@@ -67,6 +69,7 @@ def array_at(memory: Memory, first: int, shape: tuple[int, ...], dtype: type[Any
 
 def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Generate the instructions that write a tile."""
         inputs = context.make_helper(builder, signature.args[0], arguments[0])
         where, scales, output = (
             context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (2, 3, 5)

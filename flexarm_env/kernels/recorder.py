@@ -150,6 +150,7 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
     """Declare a kernel by its signature and its record; an argument with a default is dropped if nothing reads it."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
+        """Declare the kernel of a signature."""
         parameters = inspect.signature(signature).parameters
 
         def recording(variant: Variant) -> Recording:

@@ -64,8 +64,14 @@ def margins(case: LawLoop) -> dict[str, Any]:
     """Find both margins of one loop."""
     delay = delay_margin(case)
     gain = gain_margin(case, delay)
-    found = {"delay": case.delay, "delay_margin": delay.delay, "omega": delay.omega}
-    return found | {"stable": gain.stable, "gain_up": gain.up, "gain_down": gain.down}
+    return {
+        "delay": case.delay,
+        "delay_margin": delay.delay,
+        "omega": delay.omega,
+        "stable": gain.stable,
+        "gain_up": gain.up,
+        "gain_down": gain.down,
+    }
 
 
 def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:

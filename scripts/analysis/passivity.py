@@ -5,8 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, analysis
-from flexarm_env.analysis import OperatingPoint, Plant, force_to_rate, rigid_point, true_point
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
+from flexarm_env.analysis import (
+    OperatingPoint,
+    Plant,
+    force_to_rate,
+    joint_angles,
+    linear_plant,
+    natural_modes,
+    passivity,
+    rigid_point,
+    true_point,
+)
 
 SEED = 2008
 NOTICEABLE = 0.01  # share of the norm
@@ -15,13 +25,16 @@ WAVE_SPEED = SensorParameters().wave_speed
 
 def paths() -> dict[str, Callable[[OperatingPoint], Plant]]:
     """Return the transfer paths that are checked, by name."""
-    late = {position: (4.5 + position) / WAVE_SPEED for position in (4.5, 0.5)}
+
+    def late(position: float) -> float:
+        return (4.5 + position) / WAVE_SPEED
+
     return {
-        "joint torques -> joint rates": lambda p: analysis.linear_plant(p, analysis.joint_angles(rate=True)),
+        "joint torques -> joint rates": lambda p: linear_plant(p, joint_angles(rate=True)),
         "law's force -> rigid point's rate, tip": lambda p: force_to_rate(p, rigid_point(4.5)),
-        "the same, 31.2 ms late": lambda p: force_to_rate(p, rigid_point(4.5, delay=late[4.5])),
+        "the same, 31.2 ms late": lambda p: force_to_rate(p, rigid_point(4.5, delay=late(4.5))),
         "law's force -> rigid point's rate, 0.5 m": lambda p: force_to_rate(p, rigid_point(0.5)),
-        "the same, 17.3 ms late": lambda p: force_to_rate(p, rigid_point(0.5, delay=late[0.5])),
+        "the same, 17.3 ms late": lambda p: force_to_rate(p, rigid_point(0.5, delay=late(0.5))),
         "law's force -> true point's rate, 0.5 m": lambda p: force_to_rate(p, true_point(0.5)),
         "law's force -> true point's rate, 2.25 m": lambda p: force_to_rate(p, true_point(2.25)),
         "law's force -> true point's rate, tip": lambda p: force_to_rate(p, true_point(4.5)),
@@ -47,12 +60,18 @@ def study(frequencies: int = 400, count: int = 60) -> dict[str, Any]:
     curves: dict[str, list[float]] = {}
     rows = []
     for name, path in paths().items():
-        checks = [analysis.passivity(path(pose), omega) for pose in poses]
+        checks = [passivity(path(pose), omega) for pose in poses]
         least = np.min([check.relative for check in checks], axis=0)
         negative = omega[least < -NOTICEABLE]
         curves[name] = least.tolist()
-        row = {"path": name, "worst": float(least.min()), "at": float(omega[np.argmin(least)])}
-        rows.append(row | {"negative_from": float(negative[0]) if len(negative) else None})
+        rows.append(
+            {
+                "path": name,
+                "worst": float(least.min()),
+                "at": float(omega[np.argmin(least)]),
+                "negative_from": float(negative[0]) if len(negative) else None,
+            }
+        )
     return {"omega": omega.tolist(), "curves": curves, "rows": rows, "poses": len(poses), "law": law()}
 
 
@@ -65,8 +84,12 @@ def law() -> dict[str, Any]:
     gains, delay = LawParameters(), 9.0 / WAVE_SPEED
     omega = np.linspace(0.5, 250.0, 1000)
     spring = gains.proportional_gain * np.sin(omega * delay) / omega
-    bent = OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.0, 1.5))
-    modes = {joints: analysis.natural_modes(bent, joints).frequencies.tolist() for joints in ("free", "locked")}
+    modes = {
+        joints: natural_modes(
+            OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.0, 1.5)), joints
+        ).frequencies.tolist()
+        for joints in ("free", "locked")
+    }
     turns = gains.derivative_gain * np.cos(omega * delay) - spring
     return {
         "omega": omega.tolist(),

@@ -5,8 +5,17 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from flexarm_env import ArmParameters, FlexibleArm, analysis
-from flexarm_env.analysis import OperatingPoint, linear_plant, link_zeros, zeros
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.analysis import (
+    OperatingPoint,
+    linear_plant,
+    link_zeros,
+    sensitivity_peak,
+    tip,
+    true_point,
+    zero_limits,
+    zeros,
+)
 
 ELBOW = 1.5  # [rad]; for straight links the zeros do not depend on it
 LOOP_BANDWIDTH = float(np.sqrt(150.79))  # [rad/s]; of the paper's law on a unit mass (11)
@@ -16,6 +25,11 @@ CORNER = (-6.3, 6.3)
 def undamped(modes: int) -> FlexibleArm:
     """Make the linear arm with some number of modes, without damping."""
     return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
+
+
+def upper_zeros(point: OperatingPoint, position: float) -> list[complex]:
+    """Return the zeros from the torques to a point of link 2 with Im >= 0, on either side of the axis."""
+    return [complex(v) for v in zeros(linear_plant(point, true_point(position))).values if v.imag >= 0.0]
 
 
 def entries(arm: FlexibleArm) -> list[float]:
@@ -41,19 +55,38 @@ def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
     """Find each model's slowest right-half-plane zero at the tip, its limit, and where further zeros appear."""
     rows: list[dict[str, Any]] = []
     for name, arm in models.items():
-        plant = linear_plant(OperatingPoint.at_point(arm, CORNER), analysis.tip())
-        limit = analysis.zero_limits(plant)[0]
-        row: dict[str, Any] = {"arm": name, "zero": limit.zero, "multiplicity": limit.multiplicity}
-        row |= {"direction": limit.direction.tolist(), "bandwidth": limit.bandwidth, "peak": _peak(limit.zero)}
-        right = [[v.real, v.imag] for v in zeros(plant).right_half_plane]
-        rows.append(row | {"right": right, "entries": entries(arm)})
+        plant = linear_plant(OperatingPoint.at_point(arm, CORNER), tip())
+        limit = zero_limits(plant)[0]
+        rows.append(
+            {
+                "arm": name,
+                "zero": limit.zero,
+                "multiplicity": limit.multiplicity,
+                "direction": limit.direction.tolist(),
+                "bandwidth": limit.bandwidth,
+                "peak": sensitivity_peak(limit.zero, LOOP_BANDWIDTH, 0.1),
+                "right": [[v.real, v.imag] for v in zeros(plant).right_half_plane],
+                "entries": entries(arm),
+            }
+        )
     exact = float(link_zeros(next(iter(models.values())), 1, 4.5, 1).real[0])
-    row = {"arm": "exact beam", "zero": exact, "multiplicity": 2, "bandwidth": 0.5 * exact, "peak": _peak(exact)}
-    return [*rows, row | {"entries": []}]
+    rows.append(
+        {
+            "arm": "exact beam",
+            "zero": exact,
+            "multiplicity": 2,
+            "bandwidth": 0.5 * exact,
+            "peak": sensitivity_peak(exact, LOOP_BANDWIDTH, 0.1),
+            "entries": [],
+        }
+    )
+    return rows
 
 
-def _peak(zero: float) -> float:
-    return analysis.sensitivity_peak(zero, LOOP_BANDWIDTH, 0.1)
+def exact(position: float) -> dict[str, list[float]]:
+    """Find the first four real and imaginary zeros of the exact beams, with the sensor at the point of link 2."""
+    found = link_zeros(undamped(1), 2, position, 4)
+    return {"real": found.real.tolist(), "imaginary": found.imaginary.tolist()}
 
 
 def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
@@ -62,18 +95,19 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
     found: dict[str, Any] = {"positions": positions.tolist()}
     for name, arm in models.items():
         point = bent(arm)
-        plants = (linear_plant(point, analysis.true_point(float(s))) for s in positions)
-        found[name] = [[[v.real, v.imag] for v in zeros(plant).values.tolist() if v.imag >= 0.0] for plant in plants]
-    exact = [link_zeros(undamped(1), 2, float(s), 4) for s in positions]
-    found["exact beam"] = [{"real": one.real.tolist(), "imaginary": one.imaginary.tolist()} for one in exact]
+        found[name] = [[[v.real, v.imag] for v in upper_zeros(point, float(s))] for s in positions]
+    found["exact beam"] = [exact(float(s)) for s in positions]
     found["exact link 1"] = link_zeros(undamped(1), 1, 4.5, 3).real.tolist()
     return found
 
 
 def study(points: int = 400) -> dict[str, Any]:
     """Find all about zeros."""
-    models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in (1, 2, 3, 4)}
-    models |= {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
-    shown = {name: arm for name, arm in models.items() if not name.startswith("3")}
+    counts = (1, 2, 3, 4)
+    models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
+    damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
     default = {"3 polynomials, 1 % (default arm)": FlexibleArm()}
-    return {"by_model": by_model(models | default), "locus": locus(shown, points)}
+    return {
+        "by_model": by_model(models | damped | default),
+        "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, points),
+    }

@@ -54,10 +54,15 @@ class Design(NamedTuple):
 
     def arguments(self) -> dict[str, Any]:
         """Return keyword arguments of `LQG`."""
-        effort, torque = ((f * a, f * b) for f, (a, b) in ((self.effort, GOOD.torque), (self.torque, QUICK.torque)))
-        trust: dict[str, Any] = {name: self.encoders * getattr(QUICK, name) for name in ("joint_angle", "joint_rate")}
-        weights = RegulatorWeights(speed=self.speed * GOOD.speed, torque=effort)
-        return {"weights": weights, "noise": replace(QUICK, torque=torque, **trust)}
+        first, second = GOOD.torque
+        weights = RegulatorWeights(speed=self.speed * GOOD.speed, torque=(self.effort * first, self.effort * second))
+        noise = replace(
+            QUICK,
+            joint_angle=self.encoders * QUICK.joint_angle,
+            joint_rate=self.encoders * QUICK.joint_rate,
+            torque=(self.torque * QUICK.torque[0], self.torque * QUICK.torque[1]),
+        )
+        return {"weights": weights, "noise": noise}
 
     def towards(self, other: Design, share: float) -> Design:
         """Return the design a share of the way to another, in logarithms."""

@@ -13,11 +13,25 @@ from typing import NamedTuple
 
 KINDS = ("md", "ipynb")  # of pages
 MODULES = (
-    *("flexarm_env", "flexarm_env.actions", "flexarm_env.analysis", "flexarm_env.formulas", "flexarm_env.metrics"),
-    *("flexarm_env.parameters", "flexarm_env.reference_episode", "flexarm_env.identification", "flexarm_env.rollout"),
-    *("flexarm_env.way_points", "flexarm_env.wrappers", "flexarm_env.envs.single", "flexarm_env.envs.vector"),
-    *("flexarm_baselines", "flexarm_baselines.controller", "flexarm_baselines.observers", "flexarm_baselines.optimal"),
-    *("flexarm_baselines.registry", "flexarm_agents"),
+    "flexarm_env",
+    "flexarm_env.actions",
+    "flexarm_env.analysis",
+    "flexarm_env.formulas",
+    "flexarm_env.metrics",
+    "flexarm_env.parameters",
+    "flexarm_env.reference_episode",
+    "flexarm_env.identification",
+    "flexarm_env.rollout",
+    "flexarm_env.way_points",
+    "flexarm_env.wrappers",
+    "flexarm_env.envs.single",
+    "flexarm_env.envs.vector",
+    "flexarm_baselines",
+    "flexarm_baselines.controller",
+    "flexarm_baselines.observers",
+    "flexarm_baselines.optimal",
+    "flexarm_baselines.registry",
+    "flexarm_agents",
 )
 
 

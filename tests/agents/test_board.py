@@ -23,11 +23,11 @@ from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from tests.support.boards import SHORT, SMALL, points
+from tests.support.controllers import EACH_CONTROLLER
 from tests.support.refusals import refuses
 
 AGENT = "square"
 HERE = "tests.agents.test_board"
-DESIGNED = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # in seconds
 
 
 class Still:
@@ -188,9 +188,7 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == some[0].seeded(row.content)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in DESIGNED)) for name in CONTROLLERS]
-)
+@pytest.mark.parametrize("name", EACH_CONTROLLER)
 def test_a_controllers_rows_are_independent_to_the_last_bit(name: str) -> None:
     entry = Entry(name, environment=CONTROLLERS[name].environment)
     policy, env = entry.candidate()[1:3]

@@ -5,8 +5,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexarm_env.analysis as fa
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
+from flexarm_env.analysis import (
+    GainInterval,
+    LawLoop,
+    crossing_delays,
+    crossing_gains,
+    delay_margin,
+    delay_roots,
+    gain_margin,
+    law_loop,
+    linear_plant,
+    stable_gains,
+    tip,
+    zeros,
+)
 from flexarm_env.analysis.law_loop import rest_angles
 from tests.support.complex_steps import jacobian
 from tests.support.envs import vector
@@ -17,9 +30,9 @@ CORNER, SIDE = (-6.3, -6.3), (-6.3, 0.0)
 DELAYED = ("position", "position+rate")
 
 
-def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PAPER, **options: float) -> fa.LawLoop:
+def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PAPER, **options: float) -> LawLoop:
     sensor = SensorParameters(position=position, delayed=delayed, **options)  # type: ignore[arg-type]
-    return fa.law_loop(arm, CORNER, sensor)
+    return law_loop(arm, CORNER, sensor)
 
 
 @pytest.mark.parametrize("position", [4.5, 0.5])
@@ -27,7 +40,7 @@ def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PA
 def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float]) -> None:
     """By the angles now, by late ones, and by the rates; the stretched arm's remaining error included."""
     law = LawParameters()
-    case = fa.law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7)
+    case = law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7)
 
     def by_angles(theta: np.ndarray) -> np.ndarray:
         one, both = theta[0], theta[0] + theta[1]
@@ -51,7 +64,7 @@ def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tup
 def test_every_corner_and_both_branches_have_the_same_margins() -> None:
     """They hang on the distance from the shoulder alone."""
     margins = [
-        fa.delay_margin(fa.law_loop(PAPER, reference, SensorParameters(), elbow_branch=branch)).delay
+        delay_margin(law_loop(PAPER, reference, SensorParameters(), elbow_branch=branch)).delay
         for reference in ((-6.3, -2.0), (6.3, 2.0), (2.0, 6.3), (-2.0, -6.3))
         for branch in ("positive", "negative")
     ]
@@ -76,10 +89,8 @@ def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
     At 2.4 and 3.8 m a hardly damped root crosses within a part in a million of its frequency.
     """
     case = loop(delayed, arm=arm, **options)
-    margin = fa.delay_margin(case)
-    below, at, above = (
-        fa.delay_roots(case.with_delay(share * margin.delay), 50).rightmost for share in (0.97, 1.0, 1.03)
-    )
+    margin = delay_margin(case)
+    below, at, above = (delay_roots(case.with_delay(share * margin.delay), 50).rightmost for share in (0.97, 1.0, 1.03))
     assert abs(at.real) < 1e-6 * abs(at)
     assert abs(at.imag) == pytest.approx(margin.omega, rel=1e-6)
     assert below.real < 0.0 < above.real
@@ -93,10 +104,10 @@ def test_between_two_crossings_the_spectral_method_has_as_many_growing_roots(
     """A pair of roots comes or goes at each crossing: none is left out."""
     case = loop(delayed, position)
     longest = 0.15 if delayed == "position" else 4e-3
-    delays = [crossing.delay for crossing in fa.crossing_delays(case, longest)]
+    delays = [crossing.delay for crossing in crossing_delays(case, longest)]
     assert delays == sorted(delays)
     ends = np.array([0.5 * delays[0], *delays, 1.01 * delays[-1]])
-    roots = [fa.delay_roots(case.with_delay(d), nodes).values for d in 0.5 * (ends[:-1] + ends[1:])]
+    roots = [delay_roots(case.with_delay(d), nodes).values for d in 0.5 * (ends[:-1] + ends[1:])]
     growing = np.array([np.sum(found.real > 0.0) for found in roots])
     assert growing[0] == 0
     np.testing.assert_array_equal(np.abs(np.diff(growing)), 2)
@@ -105,23 +116,23 @@ def test_between_two_crossings_the_spectral_method_has_as_many_growing_roots(
 @pytest.mark.parametrize("options", [{}, {"delay": 0.03}])
 def test_no_proportional_gain_is_no_other_case(options: dict[str, Any]) -> None:
     sensor = SensorParameters(delayed="position+rate", **options)
-    none, trace = (fa.law_loop(PAPER, CORNER, sensor, law=LawParameters(proportional_gain=k)) for k in (0.0, 1e-9))
-    delays = [[c.delay for c in fa.crossing_delays(case, 0.01)] for case in (none, trace)]
+    none, trace = (law_loop(PAPER, CORNER, sensor, law=LawParameters(proportional_gain=k)) for k in (0.0, 1e-9))
+    delays = [[c.delay for c in crossing_delays(case, 0.01)] for case in (none, trace)]
     assert len(delays[0]) > 3
     np.testing.assert_allclose(*delays, rtol=1e-6)
-    assert fa.delay_margin(none).delay == 0.0, "it holds the arm nowhere"
+    assert delay_margin(none).delay == 0.0, "it holds the arm nowhere"
 
 
 @pytest.mark.parametrize("delayed", DELAYED)
 def test_margins_are_continuous_in_the_ratio_of_the_delays(delayed: str) -> None:
     for difference in (2e-5, 5e-6, 1e-7):  # the smaller two count as one delay
-        one, two = (fa.delay_margin(loop(delayed, delay=(0.03, 0.03 * r))).delay for r in (1.0, 1.0 - difference))  # type: ignore[arg-type]
+        one, two = (delay_margin(loop(delayed, delay=(0.03, 0.03 * r))).delay for r in (1.0, 1.0 - difference))  # type: ignore[arg-type]
         assert one == pytest.approx(two, rel=1e-4)
 
 
 def test_a_loop_in_which_nothing_is_late_has_no_crossings() -> None:
-    case = fa.law_loop(PAPER, CORNER, SensorParameters(), law=LawParameters(proportional_gain=0.0))
-    assert fa.crossing_delays(case) == []
+    case = law_loop(PAPER, CORNER, SensorParameters(), law=LawParameters(proportional_gain=0.0))
+    assert crossing_delays(case) == []
 
 
 def test_one_joint_has_the_textbook_margin() -> None:
@@ -131,7 +142,7 @@ def test_one_joint_has_the_textbook_margin() -> None:
     ``omega^4 = a^2 + b^2 omega^2``, margin ``arctan(b omega / a) / omega``.
     """
     stiff = FlexibleArm(ArmParameters.linear(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
-    case = fa.law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
+    case = law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
     inertia = np.linalg.inv(stiff.mass_matrix(case.point.q)[:2, :2])  # inverse, of the unbent arm
     values = np.linalg.eigvals(1e-2 * inertia @ (case.shoulder.V + case.elbow.V)[:, :2])
     margins = []
@@ -139,7 +150,7 @@ def test_one_joint_has_the_textbook_margin() -> None:
         a = b * 150.79 / 17.364
         omega = np.sqrt((b**2 + np.sqrt(b**4 + 4.0 * a**2)) / 2.0)
         margins.append(np.arctan(b * omega / a) / omega)
-    assert fa.delay_margin(case).delay == pytest.approx(min(margins), rel=1e-2)
+    assert delay_margin(case).delay == pytest.approx(min(margins), rel=1e-2)
 
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
@@ -147,7 +158,7 @@ def test_one_joint_has_the_textbook_margin() -> None:
 def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float) -> None:
     """T < Kd / Kp = 115 ms: the law stays dissipative, whatever the gain and the number of modes."""
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
-    margin = fa.gain_margin(loop(arm=arm, delay=delay))
+    margin = gain_margin(loop(arm=arm, delay=delay))
     assert margin.stable
     assert margin.up == np.inf
     assert margin.down == 0.0
@@ -156,9 +167,9 @@ def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float
 def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> None:
     """0.5 m past the elbow, per-joint delays: 620 times the gain."""
     case = loop(position=0.5)
-    margin = fa.gain_margin(case)
+    margin = gain_margin(case)
     assert margin.up == pytest.approx(620.45, abs=0.1)
-    below, above = (fa.delay_roots(case.with_gain(f * margin.up), 80).rightmost for f in (0.995, 1.005))
+    below, above = (delay_roots(case.with_gain(f * margin.up), 80).rightmost for f in (0.995, 1.005))
     assert below.real < 0.0 < above.real
     assert abs(above.imag) == pytest.approx(margin.omega_up, rel=0.01)
 
@@ -167,36 +178,36 @@ def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> N
 def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None:
     """Without delay, by eigenvalues: the right-half-plane zeros draw the poles across."""
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=damping))
-    case = fa.law_loop(arm, CORNER, SensorParameters(model="true", delay=0.0))
-    (interval,) = fa.stable_gains(case)
+    case = law_loop(arm, CORNER, SensorParameters(model="true", delay=0.0))
+    (interval,) = stable_gains(case)
     high = interval.high
     assert interval.low == 0.0
     assert 0.02 < high < 0.15
     for gain, sign in ((0.9 * high, -1.0), (1.1 * high, 1.0), (1.0, 1.0), (10.0, 1.0)):
         assert np.sign(case.with_gain(gain).undelayed_poles().real.max()) == sign
-    plant = fa.linear_plant(case.point, fa.tip())
-    for zero in fa.zeros(plant).right_half_plane:
+    plant = linear_plant(case.point, tip())
+    for zero in zeros(plant).right_half_plane:
         distance = [np.abs(case.with_gain(gain).undelayed_poles() - zero).min() for gain in (1e1, 1e3, 1e5)]
         assert distance[0] > distance[1] > distance[2], "poles end on the zeros"
         assert distance[2] < 2.0
 
 
 def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none() -> None:
-    assert fa.stable_gains(loop("position+rate")) == []
+    assert stable_gains(loop("position+rate")) == []
     case = loop("position+rate", arm=LINEAR)
-    ((low, high),) = ((interval.low, interval.high) for interval in fa.stable_gains(case))
+    ((low, high),) = ((interval.low, interval.high) for interval in stable_gains(case))
     assert low == 0.0
     assert high == pytest.approx(0.00295, rel=0.01)
-    below, above = (fa.delay_roots(case.with_gain(share * high), 60).rightmost for share in (0.98, 1.02))
+    below, above = (delay_roots(case.with_gain(share * high), 60).rightmost for share in (0.98, 1.02))
     assert below.real < 0.0 < above.real
 
 
 def test_crossings_lie_on_the_axis() -> None:
     case = loop(position=0.5)
-    for crossing in fa.crossing_delays(case)[:3]:
+    for crossing in crossing_delays(case)[:3]:
         transfer = case.with_delay(crossing.delay).loop_transfer(np.array([crossing.omega]))[0]
         assert abs(np.linalg.det(np.eye(2) + transfer)) < 1e-8
-    for at_gain in fa.crossing_gains(case)[:3]:
+    for at_gain in crossing_gains(case)[:3]:
         transfer = case.loop_transfer(np.array([at_gain.omega]))[0]
         assert abs(np.linalg.det(np.eye(2) + at_gain.factor * transfer)) < 1e-6
 
@@ -212,22 +223,22 @@ def test_slope_of_the_loop_is_its_derivative() -> None:
 def test_a_collocated_loop_is_stable_at_every_gain() -> None:
     """Hyperstability: a passive arm under a dissipative law."""
     for arm in (PAPER, FlexibleArm(ArmParameters.linear(modes_per_link=4, damping_ratio=0.0))):
-        case = fa.law_loop(arm, CORNER, SensorParameters(model="collocated"))
-        assert fa.stable_gains(case) == [fa.GainInterval(0.0, np.inf)]
+        case = law_loop(arm, CORNER, SensorParameters(model="collocated"))
+        assert stable_gains(case) == [GainInterval(0.0, np.inf)]
         for gain in (1e-3, 1.0, 1e2):
             assert case.with_gain(gain).undelayed_poles().real.max() < 0.0
 
 
 def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
     case = loop(delay=0.0)
-    np.testing.assert_allclose(fa.delay_roots(case).values.real, np.sort(case.undelayed_poles().real)[::-1])
+    np.testing.assert_allclose(delay_roots(case).values.real, np.sort(case.undelayed_poles().real)[::-1])
 
 
 @pytest.mark.parametrize(("delayed", "duration", "step"), [("position", 20.0, None), ("position+rate", 0.4, 2e-5)])
 def test_simulated_loop_grows_beyond_the_margin_only(delayed: str, duration: float, step: float | None) -> None:
     """Held on a corner and pushed: 10 % below the delay margin it calms down, 10 % above it grows."""
     case = loop(delayed)
-    margin = fa.delay_margin(case).delay
+    margin = delay_margin(case).delay
     pairs = [(float(d), float(d / 2)) for d in np.array([0.9, 1.1]) * margin]
     options = resting_at(*CORNER) | {"max_episode_steps": -1, "delayed": delayed, "physics_step": step}
     simulation = vector("FlexArm/Paper-v0", 2, per_env={"delay": pairs}, **options)

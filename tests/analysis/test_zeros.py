@@ -6,8 +6,23 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-import flexarm_env.analysis as fa
 from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.analysis import (
+    OperatingPoint,
+    joint_angles,
+    linear_plant,
+    link_zeros,
+    natural_modes,
+    poles,
+    rigid_point,
+    sensitivity_peak,
+    strain,
+    tip,
+    true_point,
+    zero_directions,
+    zero_limits,
+    zeros,
+)
 
 ANGLES = (0.3, 1.5)
 
@@ -16,12 +31,12 @@ def arm_with(modes: int, damping: float = 0.0) -> FlexibleArm:
     return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping))
 
 
-def bent(arm: FlexibleArm, elbow: float = 1.5) -> fa.OperatingPoint:
-    return fa.OperatingPoint.at_angles(arm, (0.3, elbow))
+def bent(arm: FlexibleArm, elbow: float = 1.5) -> OperatingPoint:
+    return OperatingPoint.at_angles(arm, (0.3, elbow))
 
 
-def right(point: fa.OperatingPoint, s: float) -> np.ndarray:
-    return fa.zeros(fa.linear_plant(point, fa.true_point(s))).right_half_plane
+def right(point: OperatingPoint, s: float) -> np.ndarray:
+    return zeros(linear_plant(point, true_point(s))).right_half_plane
 
 
 def closest(values: np.ndarray, wanted: np.ndarray) -> float:
@@ -34,14 +49,13 @@ def closest(values: np.ndarray, wanted: np.ndarray) -> float:
 def test_joint_angles_have_zeros_on_the_imaginary_axis_only(modes: int, elbow: float) -> None:
     """They are the natural frequencies with both joints locked."""
     point = bent(arm_with(modes), elbow)
-    found = fa.zeros(fa.linear_plant(point, fa.joint_angles()))
+    found = zeros(linear_plant(point, joint_angles()))
     assert np.all(found.values.real == 0.0)
-    locked = fa.natural_modes(point, "locked").frequencies
+    locked = natural_modes(point, "locked").frequencies
     np.testing.assert_allclose(np.unique(np.abs(found.values.imag).round(6)), np.unique(locked.round(6)), rtol=1e-5)
     assert len(found.values) == 4 * modes
     assert found.infinite == 4
-    # a constant invertible matrix lies between them
-    rigid = fa.zeros(fa.linear_plant(point, fa.rigid_point(2.0))).values
+    rigid = zeros(linear_plant(point, rigid_point(2.0))).values  # a constant invertible matrix lies between them
     assert closest(rigid, found.values) < 1e-5
     assert len(rigid) == len(found.values)
 
@@ -60,7 +74,7 @@ def test_more_modes_converge_to_the_exact_beam() -> None:
     z = scipy.optimize.brentq(lambda z: np.tan(z) + np.tanh(z), 1.6, 3.0)
     arm = arm_with(4)
     exact = 2.0 * z**2 * np.sqrt(1676.0 / 0.335) / 4.5**2
-    assert fa.link_zeros(arm, 1, 4.5, 1).real[0] == pytest.approx(exact, rel=1e-10)
+    assert link_zeros(arm, 1, 4.5, 1).real[0] == pytest.approx(exact, rel=1e-10)
     assert exact == pytest.approx(39.074, abs=1e-3)
     errors = [abs(right(bent(arm_with(m)), 4.5).real.min() - exact) for m in (1, 2, 4)]
     assert errors[0] > errors[1] > errors[2]
@@ -70,7 +84,7 @@ def test_more_modes_converge_to_the_exact_beam() -> None:
 @pytest.mark.parametrize("s", [0.3, 1.0, 2.0, 3.0, 4.0, 4.5])
 def test_many_zeros_of_the_exact_beam_follow_their_asymptotes(s: float) -> None:
     """kappa s -> n pi and k (L - s) -> (n - 3/4) pi, at the tip kappa L -> (n - 1/4) pi."""
-    found, speed = fa.link_zeros(arm_with(1), 2, s, 20), np.sqrt(1676.0 / 0.335)
+    found, speed = link_zeros(arm_with(1), 2, s, 20), np.sqrt(1676.0 / 0.335)
     n = np.arange(1, 21)
     assert len(found.real) == 20
     assert np.all(np.diff(found.real) > 0.0)
@@ -88,8 +102,8 @@ def test_many_zeros_of_the_exact_beam_follow_their_asymptotes(s: float) -> None:
 def test_zeros_of_a_point_are_those_of_the_exact_beams(s: float) -> None:
     """Its slowest zeros: link 1's at its tip, and link 2's at the point, real and imaginary."""
     arm = arm_with(4)
-    values = fa.zeros(fa.linear_plant(bent(arm), fa.true_point(s))).values
-    exact = fa.link_zeros(arm, 2, s, 2)
+    values = zeros(linear_plant(bent(arm), true_point(s))).values
+    exact = link_zeros(arm, 2, s, 2)
     slow = [w for w in exact.imaginary if w < 110.0]
     if slow:
         assert closest(values, 1j * np.array(slow)) < 1e-2
@@ -105,11 +119,10 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
     assert len(right(point, 3.42)) == 2
     assert np.all(np.diff(falling) < 0.0)
     assert falling[0] > 150.0
-    plant = fa.linear_plant(point, fa.tip())
-    ((value, multiplicity),) = [(v, n) for v, n in fa.zeros(plant).distinct() if v.real > 0.0]
+    ((value, multiplicity),) = [(v, n) for v, n in zeros(linear_plant(point, tip())).distinct() if v.real > 0.0]
     assert multiplicity == 2
     assert value.real == pytest.approx(33.1017, abs=1e-3)
-    response = plant.at(value)
+    response = linear_plant(point, tip()).at(value)
     singular = np.linalg.svd(response, compute_uv=False)
     assert singular[1] < 1e-10
     assert singular[0] > 1e-6, "one direction only: the double zero is defective"
@@ -118,7 +131,7 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
 def test_unequal_links_separate_the_double_zero() -> None:
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=4, damping_ratio=0.0, link_lengths=(4.5, 3.0)))
     found = np.sort(right(bent(arm), 3.0).real)[:2]
-    exact = sorted(float(fa.link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
+    exact = sorted(float(link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
     np.testing.assert_allclose(found, exact, rtol=2e-3)
 
 
@@ -127,21 +140,21 @@ def test_unequal_links_separate_the_double_zero() -> None:
 def test_zeros_are_poles_of_the_arm_with_its_output_held(modes: int, damping: float) -> None:
     """An independent way: a very stiff and well placed feedback of the output, whose finite poles tend to the zeros."""
     point = bent(arm_with(modes, damping))
-    plant = fa.linear_plant(point, fa.true_point(2.8))
+    plant = linear_plant(point, true_point(2.8))
     inverse = np.linalg.inv(plant.C @ plant.A @ plant.B)
     for gain, error in ((1e3, 0.2), (1e5, 2e-3)):
         rate = plant.C @ plant.A
         feedback = inverse @ (gain**2 * plant.C + 2.0 * gain * rate)
         held = np.linalg.eigvals(plant.A - plant.B @ feedback)
-        assert closest(held, fa.zeros(plant).values) < error
+        assert closest(held, zeros(plant).values) < error
 
 
 def test_general_pencil_agrees_with_the_deflated_one() -> None:
     """Rates as outputs go through Rosenbrock's pencil: the position's zeros and one at the origin for each output."""
     for damping in (0.0, 0.01):
         point = bent(arm_with(2, damping))
-        position = fa.zeros(fa.linear_plant(point, fa.true_point(3.0))).values
-        rate = fa.zeros(fa.linear_plant(point, fa.true_point(3.0, rate=True))).values
+        position = zeros(linear_plant(point, true_point(3.0))).values
+        rate = zeros(linear_plant(point, true_point(3.0, rate=True))).values
         assert np.sum(rate == 0.0) == 2
         assert closest(rate, position) < 1e-6
         assert len(rate) == len(position) + 2
@@ -149,20 +162,20 @@ def test_general_pencil_agrees_with_the_deflated_one() -> None:
 
 def test_a_delay_adds_no_zero_and_its_pade_model_its_own() -> None:
     point = bent(arm_with(1, 0.01))
-    prompt, late = (fa.linear_plant(point, fa.true_point(3.8, delay=d)) for d in (0.0, 0.02))
-    np.testing.assert_allclose(fa.zeros(late).values, fa.zeros(prompt).values)
-    modelled = fa.zeros(late.pade(2)).values
-    assert closest(modelled, fa.zeros(prompt).values) < 1e-5
+    prompt, late = (linear_plant(point, true_point(3.8, delay=d)) for d in (0.0, 0.02))
+    np.testing.assert_allclose(zeros(late).values, zeros(prompt).values)
+    modelled = zeros(late.pade(2)).values
+    assert closest(modelled, zeros(prompt).values) < 1e-5
     extra = 150.0 + 1j * np.sqrt(12.0 / 0.02**2 - 150.0**2)  # of s^2 T^2 - 6 s T + 12, one pair for each output
     assert closest(modelled, np.array([extra, extra.conjugate()])) < 1e-3
-    assert len(modelled) == len(fa.zeros(prompt).values) + 4
+    assert len(modelled) == len(zeros(prompt).values) + 4
 
 
 def test_a_direct_path_is_taken_into_account() -> None:
     """With D regular the zeros are the eigenvalues of A - B D^-1 C."""
-    plant = fa.linear_plant(bent(arm_with(2, 0.01)), fa.true_point(3.0))
+    plant = linear_plant(bent(arm_with(2, 0.01)), true_point(3.0))
     direct = np.array([[3e-3, 1e-3], [-2e-3, 4e-3]])
-    found = fa.zeros(replace(plant, D=direct))
+    found = zeros(replace(plant, D=direct))
     expected = np.linalg.eigvals(plant.A - plant.B @ np.linalg.solve(direct, plant.C))
     assert closest(found.values, expected) < 1e-8
     assert found.infinite == 0
@@ -171,11 +184,11 @@ def test_a_direct_path_is_taken_into_account() -> None:
 def test_one_torque_to_one_joint() -> None:
     """Shoulder torque to its angle, the elbow free: poles with the shoulder locked, interlacing the free ones."""
     point = bent(arm_with(2))
-    plant = fa.linear_plant(point, fa.joint_angles()).select(["shoulder"], ["theta1"])
-    found = np.abs(fa.zeros(plant).values)
+    plant = linear_plant(point, joint_angles()).select(["shoulder"], ["theta1"])
+    found = np.abs(zeros(plant).values)
     assert np.sum(found == 0.0) == 2, "the arm still turns about its free elbow"
     locked = np.unique(found[found > 0.0].round(6))
-    free = fa.natural_modes(point).frequencies[2:]
+    free = natural_modes(point).frequencies[2:]
     assert np.all(locked[: len(free)] < free)
     assert np.all(free[:-1] < locked[1 : len(free)])
 
@@ -183,11 +196,11 @@ def test_one_torque_to_one_joint() -> None:
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_strain_does_not_see_the_rigid_arm(modes: int) -> None:
     """Four zeros at the origin cancel the four rigid-body poles there."""
-    plant = fa.linear_plant(bent(arm_with(modes)), fa.strain(1), fa.strain(2))
-    found = fa.zeros(plant)
+    plant = linear_plant(bent(arm_with(modes)), strain(1), strain(2))
+    found = zeros(plant)
     assert np.sum(found.values == 0.0) == 4
     assert len(found.values) == 4 * modes
-    assert np.sum(np.abs(fa.poles(plant).values) < 1e-3) == 4
+    assert np.sum(np.abs(poles(plant).values) < 1e-3) == 4
 
 
 def test_bent_and_spinning_arms_have_zeros_too() -> None:
@@ -197,13 +210,13 @@ def test_bent_and_spinning_arms_have_zeros_too() -> None:
     than the bend's geometry does.
     """
     arm = arm_with(2)
-    still = fa.zeros(fa.linear_plant(bent(arm), fa.true_point(3.8))).values
+    still = zeros(linear_plant(bent(arm), true_point(3.8))).values
     bends, spins = [], []
     for size in (1e-7, 1e-6):
-        held = fa.OperatingPoint.at_angles(arm, ANGLES, modal=size * np.ones(arm.size - 2))
-        bends.append(closest(fa.zeros(fa.linear_plant(held, fa.true_point(3.8))).values, still))
-        spinning = fa.OperatingPoint.at_angles(arm, ANGLES, rates=1e5 * size * np.eye(1, arm.size)[0])
-        spins.append(closest(fa.zeros(fa.linear_plant(spinning, fa.true_point(3.8))).values, still))
+        held = OperatingPoint.at_angles(arm, ANGLES, modal=size * np.ones(arm.size - 2))
+        bends.append(closest(zeros(linear_plant(held, true_point(3.8))).values, still))
+        spinning = OperatingPoint.at_angles(arm, ANGLES, rates=1e5 * size * np.eye(1, arm.size)[0])
+        spins.append(closest(zeros(linear_plant(spinning, true_point(3.8))).values, still))
     assert bends[1] / bends[0] == pytest.approx(10.0, rel=0.05)
     assert spins[1] / spins[0] == pytest.approx(100.0, rel=0.05)
     assert "modal" in str(held)
@@ -211,9 +224,9 @@ def test_bent_and_spinning_arms_have_zeros_too() -> None:
 
 
 def test_directions_block_the_torque() -> None:
-    plant = fa.linear_plant(bent(arm_with(2)), fa.true_point(3.0))
+    plant = linear_plant(bent(arm_with(2)), true_point(3.0))
     z = float(right(plant.point, 3.0).real.min())
-    found = fa.zero_directions(plant, z)
+    found = zero_directions(plant, z)
     u, y = found.input, found.output
     response = plant.at(z)
     assert np.linalg.norm(response @ u) < 1e-9 * np.linalg.norm(response)
@@ -223,19 +236,19 @@ def test_directions_block_the_torque() -> None:
 
 
 def test_limits_follow_from_the_zeros() -> None:
-    point = fa.OperatingPoint.at_point(arm_with(1), (-6.3, 6.3))
-    (limit,) = fa.zero_limits(fa.linear_plant(point, fa.tip()))
+    point = OperatingPoint.at_point(arm_with(1), (-6.3, 6.3))
+    (limit,) = zero_limits(linear_plant(point, tip()))
     assert limit.zero == pytest.approx(33.10, abs=0.01)
     assert limit.multiplicity == 2
     assert limit.bandwidth == pytest.approx(limit.zero / 2.0)
-    assert fa.zero_limits(fa.linear_plant(point, fa.joint_angles())) == []
-    assert fa.zero_limits(fa.linear_plant(point, fa.tip()), peak=1e9)[0].bandwidth == pytest.approx(limit.zero)
+    assert zero_limits(linear_plant(point, joint_angles())) == []
+    assert zero_limits(linear_plant(point, tip()), peak=1e9)[0].bandwidth == pytest.approx(limit.zero)
 
 
 def test_sensitivity_peak_is_reached_by_its_extremal_function() -> None:
     """The bound is sharp for a sensitivity that is epsilon below and the peak above: its Poisson integral at z is 0."""
     zero, band, small = 33.0, 12.28, 0.1
-    peak = fa.sensitivity_peak(zero, band, small)
+    peak = sensitivity_peak(zero, band, small)
     below = 2.0 * np.arctan(band / zero)
     assert below * np.log(small) + (np.pi - below) * np.log(peak) == pytest.approx(0.0, abs=1e-12)
-    assert fa.sensitivity_peak(zero, 2.0 * band, small) > peak
+    assert sensitivity_peak(zero, 2.0 * band, small) > peak

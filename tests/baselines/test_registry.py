@@ -19,6 +19,7 @@ from flexarm_env.envs.observation import readings_of
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
+from tests.support.controllers import EACH_CONTROLLER
 
 ID = "flexarm_env:FlexArm/Square-v0"
 PUBLISHED = {"settings", "observation_blocks", "observation_scale", "gain_limit", "arm"}  # the same in every episode
@@ -46,12 +47,7 @@ class Door:
         return getattr(self._env, name, None) if name.startswith("single_") else getattr(self._env, name)
 
 
-SLOW = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # made in seconds
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in controller_names()]
-)
+@pytest.mark.parametrize("name", EACH_CONTROLLER)
 def test_a_controller_sees_published_numbers_and_its_observation(name: str) -> None:
     env = gymnasium.make(ID, **controller(name).options)
     door = Door(env)
