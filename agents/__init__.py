@@ -1,6 +1,6 @@
 """Agents that learn: an adapter for stable-baselines3, training, and policies that were trained.
 
-A name is imported at its first use: the command begins at once, and trained policies run without torch.
+A name is imported at its first use, so that the command starts at once and trained policies run without torch.
 
 A shipped agent chooses the motors' torques, as shares of their limits:
 
@@ -64,7 +64,7 @@ _MODULES = {
     "shipped_policies": "policies.load",
     "train": "training.train",
 }
-# Names of before, each with its present one: they stay for one release.
+# Former names, each with its present one; they stay for one release.
 _FORMER = {
     "DescentConfig": "FOPGConfig",
     "TeachingConfig": "DAggerConfig",

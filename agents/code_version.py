@@ -17,12 +17,21 @@ from typing import Any
 PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
 # Data that a module reads from its package.
 DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz", "flexarm_baselines.lqg.race": "plans/races/*.npz"}
-# The same with the shipped policies, each of which an entry of the board names by itself.
+# The same with the shipped policies; the board leaves them out, since each entry names its own policy's file.
 WITH_POLICIES = {**DATA, "flexarm_agents.policies.load": "policies/*.npz"}
 
 
 def code_version(modules: Iterable[str], without: Collection[str] = (), data: Mapping[str, str] = DATA) -> str:
-    """Return a hash of modules, of all that they import, and of the data that these read."""
+    """Return a hash of modules, of all that they import, and of the data that these read.
+
+    Args:
+        modules: their names.
+        without: names of modules that do not count, nor what they alone import.
+        data: by the name of a module, the pattern of the files that it reads, from the folder of its top package.
+
+    Raises:
+        ImportError: if there is no such module, or it has no source.
+    """
     return _version(tuple(modules), frozenset(without), tuple(sorted(data.items())))
 
 

@@ -32,11 +32,14 @@ _ENTRY_POINTS = {one.entry for one in IDS.values()}
 
 
 def check_id(environment: object) -> str:
-    """Return the id of a FlexArm environment with its namespace, without its module; refuse another one.
+    """Check the id of a FlexArm environment; return it with its namespace, and with its module where that is not ours.
 
     Args:
-        environment: "Square-v0", "FlexArm/Square-v0" or "flexarm_env:FlexArm/Square-v0"; of another module, which is
-            imported, "module:Mine/Task-v0", and that is returned.
+        environment: "Square-v0", "FlexArm/Square-v0" or "flexarm_env:FlexArm/Square-v0"; for an id of another module,
+            which is imported, "module:Mine/Task-v0".
+
+    Raises:
+        ValueError: if there is no such id, or its module cannot be imported.
     """
     module, _, name = environment.rpartition(":") if isinstance(environment, str) else ("", "", "")
     if "/" not in name:
@@ -61,12 +64,12 @@ def import_from_here(module: str) -> ModuleType:
 
 
 def spec_of(environment: str) -> EnvSpec:
-    """Return what is registered under an id, checked."""
+    """Return the spec that is registered under a checked id (`check_id`)."""
     return gymnasium.registry[environment.rpartition(":")[2]]
 
 
 def declared_id(environment: str) -> Id:
-    """Return the declaration of an id, checked; that of another module has the words of the module's docstring."""
+    """Return the declaration of a checked id; that of another module takes its texts from the module's docstring."""
     module, _, name = environment.rpartition(":")
     if name.partition("/")[2] in IDS and name.startswith(f"{NAMESPACE}/"):
         return IDS[name.partition("/")[2]]
@@ -77,7 +80,12 @@ def declared_id(environment: str) -> Id:
 
 
 def check_options(environment: str, options: object) -> dict[str, Any]:
-    """Return options of an environment as a file (JSON) gives them back; refuse what is bad or not plain."""
+    """Check options of an environment, and return them as a JSON file gives them back.
+
+    Raises:
+        TypeError: if they are not plain values (JSON), or one is of a wrong type.
+        ValueError: if one is not allowed.
+    """
     given = mapping("options", options)
     try:
         plain: dict[str, Any] = json.loads(json.dumps(given, allow_nan=False))
@@ -106,6 +114,9 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
         environment: their id.
         num_envs: how many.
         options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+
+    Raises:
+        ValueError: if the id has no batch of its own, or for the option `autoreset_mode`.
     """
     name, chosen = check_id(environment), dict(options or {})
     if spec_of(name).vector_entry_point is None:

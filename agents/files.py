@@ -44,7 +44,12 @@ def _sweep(path: Path) -> None:
 
 
 def check_place(name: str, path: Path) -> None:
-    """Check that a file can be put at the path that a parameter has; its folder is made."""
+    """Check that a file can be written to the path that a parameter gives, and make its folder.
+
+    Raises:
+        IsADirectoryError: if the path is a folder.
+        PermissionError: if its folder may not be written to.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
         raise IsADirectoryError(f"{name} = {path}: is a folder; must be a file")
@@ -53,7 +58,7 @@ def check_place(name: str, path: Path) -> None:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file is an unfinished one of a killed process."""
+    """Return whether a file is the unfinished one of a killed process."""
     return path.name.startswith(_UNFINISHED)
 
 

@@ -1,8 +1,8 @@
 """The paper's controllers as policies: the constant gain (IFDC) and the fuzzy gain (FLSAC).
 
-Imported by their own names are `controller` (the base of controllers that command torques), `joint_space` (joint
-tracking and command shaping), `observers`, `optimal` (best known laps and regulators along them), `lqg` and
-`predictive`. `registry` has all controllers by name.
+The other modules are imported by their own names: `controller` (the base of controllers that command torques),
+`joint_space` (joint tracking and command shaping), `observers`, `optimal` (best known laps and regulators along them),
+`lqg` and `predictive`. `registry` has all controllers by name.
 """
 
 from flexarm_baselines.paper_law.flsac import FLSAC

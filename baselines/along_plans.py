@@ -31,10 +31,11 @@ class PlanController(TorqueController, ABC):
 
         Args:
             task: see `Task`.
-            plans: plans along the task's reference; None: those that come with the package.
+            plans: plans along the task's reference; None: those that come with the package, or where the payload
+                changes new ones (`plan_phases`).
 
         Raises:
-            ValueError: if there is no plan, or one does not fit the task.
+            ValueError: if the task's motors are not ideal, there is no plan, or one has not the task's control periods.
         """
         super().__init__(task)
         if task.motors:
@@ -71,7 +72,7 @@ class PlanController(TorqueController, ABC):
             period: control period of the lap. Shape (n,).
 
         Returns:
-            Place of each arm's plan. Shape (n,).
+            Index of each arm's plan in `plans`. Shape (n,).
         """
         off = np.stack([plan.states[period, :2] for plan in self.plans]) - joints  # (plans, n, 2)
         return np.argmin(np.sum(within_half_a_turn(off) ** 2, axis=-1), axis=0)
@@ -82,7 +83,7 @@ class PlanController(TorqueController, ABC):
 
 
 def within_half_a_turn(off: Floats) -> Floats:
-    """Return differences whose first entry is one of theta1, less whole turns of it. Shape (..., k)."""
+    """Return differences without whole turns of their first entry, the angle theta1 [rad]. Shape (..., k)."""
     result = off.copy()
     result[..., 0] -= nearest_turn(np.zeros(()), off[..., 0])
     return result

@@ -1,4 +1,4 @@
-"""Array types that the baselines share, and how they treat arms of a batch that lost their numbers."""
+"""Array types and functions that the baselines share; some are for batches of which single arms have diverged."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Integers = npt.NDArray[np.int64]
 
 
 def is_sound(numbers: Floats, leading: int = 1) -> Bools:
-    """Say where all numbers after some leading axes are ones that the arm's equations take."""
+    """Say where all numbers have magnitudes that the arm's equations take (`LARGEST`). Shape: the leading axes."""
     sound: Bools = np.all(np.abs(numbers) <= LARGEST, axis=tuple(range(leading, numbers.ndim)))
     return sound
 
 
 def chosen_rows(chosen: Bools, one: Floats, other: Floats) -> Floats:
-    """Return rows of an array where they are chosen, and those of another elsewhere."""
+    """Return the rows of `one` where `chosen` is true, and those of `other` elsewhere. Shape as `one`."""
     return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
 
 
@@ -33,5 +33,5 @@ def product(matrices: Floats, vectors: Floats) -> Floats:
 
 
 def prolonged(table: Floats, more: int) -> Floats:
-    """Repeat the last entry of a table of instants."""
+    """Append the last entry of a table of instants (its first axis) `more` times."""
     return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])

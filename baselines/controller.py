@@ -33,7 +33,7 @@ class Seen:
     """What n arms observe at one instant, in SI units; blocks by name.
 
     Attributes:
-        task: that they share.
+        task: the task that they share.
         observations: as the environment gave them. Shape (n, k).
     """
 
@@ -129,7 +129,7 @@ class TorqueController(ABC):
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Return the torques for the next control period, and the memory for the instant after it.
 
-        Torques beyond the limits are the motors' limits; a controller that must know what acts limits them itself.
+        `action` clips them to the motors' limits; a controller that needs the torques which act must clip them itself.
 
         Args:
             seen: the observations.

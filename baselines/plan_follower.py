@@ -34,7 +34,7 @@ class PlanFollower(PlanController):
             weights: weights of the regulators.
 
         Raises:
-            ValueError: if there is no plan, or one does not fit the task.
+            ValueError: see `PlanController`.
         """
         super().__init__(task, plans)
         self._states = np.stack([plan.states for plan in self.plans])

@@ -49,6 +49,10 @@ def checked_observation(observation: Observation, size: int | None = None) -> Ar
     Args:
         observation: shape ``(k,)`` or ``(n, k)``.
         size: k; None: any.
+
+    Raises:
+        TypeError: if it is a dict.
+        ValueError: if it has another shape.
     """
     if isinstance(observation, dict):
         raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
@@ -64,7 +68,7 @@ class GainPolicy(ABC):
 
     Attributes:
         gain_limit: gain that the action 1 stands for, dimensionless.
-        knows: as of `controller.TorqueController`.
+        knows: see `controller.TorqueController`.
     """
 
     gain_limit: float
@@ -108,7 +112,7 @@ class GainPolicy(ABC):
 
 
 def env_attribute(env: Any, name: str) -> Any:
-    """Return an attribute of the environment below all wrappers."""
+    """Return an attribute of the environment below all wrappers, or raise `TypeError` if it has none."""
     base = env.unwrapped
     if not hasattr(base, name):
         raise TypeError(f"env must be a FlexArm environment, but {shown(base)} has no attribute {name!r}")
@@ -116,7 +120,7 @@ def env_attribute(env: Any, name: str) -> Any:
 
 
 def env_gain_limit(env: Any) -> float:
-    """Return the gain limit of a single or vector environment whose action is the gain."""
+    """Return the gain limit of an environment, or raise `ValueError` if its action is not the gain."""
     limit = float(env_attribute(env, "gain_limit"))
     space = getattr(env.unwrapped, "single_action_space", None) or env.unwrapped.action_space
     if space.shape != (1,):

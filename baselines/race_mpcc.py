@@ -21,8 +21,8 @@ from flexarm_baselines.task import Task
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import number
 
-HORIZON = 0.5  # [s]; with 0.3 twice the price loses 17 of 32 unknown arms, with 0.5 one
-PRICE = 0.0025  # of a period of progress, as a squared distance during a period [m^2]
+HORIZON = 0.5  # [s]; at twice the price below 17 of 32 unknown arms are lost with 0.3 s, one with 0.5 s
+PRICE = 0.0025  # [m^2]; worth of a period of progress: the tip's squared distance that costs as much in a period
 
 
 class RaceMPCC(Paced, NMPC):
@@ -38,8 +38,9 @@ class RaceMPCC(Paced, NMPC):
         Args:
             task: see `Task`.
             plans: the plan of the race.
-            price: of a period of progress, as a squared distance during a period [m^2].
-            **design: see `NMPC`; without it the filter estimates `UNKNOWN`, and predictions cover `HORIZON`.
+            price: worth of a period of progress, as the tip's squared distance that costs as much in a period [m^2].
+            **design: see `NMPC`; by default the filter estimates `UNKNOWN`, assumes the noise `DOUBTFUL`, and
+                predictions last `HORIZON`.
         """
         settings: dict[str, Any] = {"unknown": UNKNOWN, "noise": DOUBTFUL, "horizon": HORIZON, **design}
         super().__init__(task, plans=plans, **settings)

@@ -18,19 +18,19 @@ from flexarm_env.physics.paths import ReferencePath
 class Task:
     """The task of a torque controller, as the environment publishes it.
 
-    Of what an environment draws for each episode (`randomisation`) it holds the nominal values, and of what its sensors
-    lose or add (jitter, dropout) nothing. Torque controllers read an environment by this class alone.
+    It holds the nominal values of what an environment draws for each episode (`randomisation`), and nothing about
+    noise, jitter and dropout of its sensors. But for races, torque controllers read an environment by this class alone.
 
     Attributes:
         arm: the nominal arm.
-        path: the reference of a lap that begins at its first corner; its time is that since the lap began.
+        path: the reference of a lap from its first corner on, by the time since the lap began.
         period: control period [s].
         torque_limit: torque limit of shoulder and elbow [N m]. Shape (2,).
         sensor_position: distance of the late sensor from the elbow [m].
         delay: delay of the late sensor [s].
         actuation_delay: from an action to its effect [s].
-        payloads: what the tip carries in each control period of the lap [kg], NaN: the arm's or the episode's payload;
-            None: that throughout. Shape (periods,).
+        payloads: what the tip carries in each control period of the lap [kg], NaN: the arm's or the episode's own
+            payload; None: its own throughout. Shape (periods,).
         motors: options by which the motors are not ideal.
         blocks: where each block of an observation lies.
         scale: what each number of an observation was divided by. Shape (k,).

@@ -160,7 +160,7 @@ MODES: dict[str, ActionMode] = {
 
 
 def modes_reading(option: str) -> tuple[str, ...]:
-    """Names of the action modes that read an option of the environments."""
+    """Return the names of the action modes that read an option: all, unless `ActionMode.options` of some name it."""
     readers = tuple(name for name, mode in MODES.items() if option in mode.options)
     return readers or tuple(MODES)
 

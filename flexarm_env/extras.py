@@ -51,11 +51,11 @@ def _source() -> str:
 
 @contextmanager
 def needs_extra(what: str, extra: str) -> Iterator[None]:
-    """Within `with`, an import that fails says what to install.
+    """Turn a failed import within `with` into an error that says what to install.
 
     Args:
-        what: needs the packages that are imported.
-        extra: brings them.
+        what: what needs the packages that are imported, for the message.
+        extra: extra of FlexArm, which brings them.
 
     Raises:
         ModuleNotFoundError: naming the extra.
@@ -70,7 +70,7 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
 
 
 class PygameNotInstalledError(DependencyNotInstalled, ImportError):
-    """What draws is missing: both Gymnasium's error and Python's, so that whoever expects either of them catches it."""
+    """pygame is missing: Gymnasium's error and Python's in one, so that code that expects either of them catches it."""
 
 
 def import_pygame() -> Any:

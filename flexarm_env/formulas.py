@@ -1,7 +1,8 @@
 """The arm's equations for other engines: plain formulas of whatever numbers they are given.
 
-The functions below only add, multiply and divide; sine and cosine are handed over. So they evaluate on numpy arrays,
-torch tensors, JAX arrays and CasADi symbols alike, and each engine differentiates and compiles them in its own way:
+The functions below add, multiply and divide, dry friction also takes a root by ``x**0.5``; sine and cosine are handed
+over. So they evaluate on numpy arrays, torch tensors, JAX arrays and CasADi symbols alike, and each engine
+differentiates and compiles them in its own way:
 
     rate = formulas.state_rate(arm, state, torque, jnp.sin, jnp.cos)
 
@@ -24,7 +25,7 @@ Function = Callable[[Any], Any]
 def state_rate(
     arm: FlexibleArm, state: Sequence[Any], torque: Sequence[Any], sin: Function, cos: Function
 ) -> list[Any]:
-    """d(state)/dt of the torque-driven arm.
+    """Return d(state)/dt of the torque-driven arm (6).
 
     Args:
         arm: the arm.
@@ -48,12 +49,12 @@ def state_rate(
 def step(
     arm: FlexibleArm, state: Sequence[Any], torque: Sequence[Any], h: float, sin: Function, cos: Function
 ) -> list[Any]:
-    """State after one step of the classical Runge-Kutta method of positions and momenta, the torque held.
+    """Return the state after one step of the classical Runge-Kutta method of positions and momenta, the torque held.
 
     Args:
         arm: the arm.
-        state: 4 + 4 m numbers.
-        torque: [N m].
+        state: 4 + 4 m numbers, as the result.
+        torque: torque of shoulder and elbow [N m].
         h: step [s].
         sin: sine of the engine.
         cos: cosine of the engine.
@@ -82,7 +83,7 @@ def step(
 
 
 def tip(arm: FlexibleArm, state: Sequence[Any], sin: Function, cos: Function) -> list[Any]:
-    """Tip of link 2 with deflection, x and y [m]; arguments as in `state_rate`."""
+    """Return the tip of link 2 with deflection, x and y [m]; arguments as in `state_rate`."""
     k = arm.constants
     y = dyn.internal_coordinates(k, [state[i] for i in range(arm.size)])
     one, two = ((sin(angle), cos(angle)) for angle in (y[0], y[len(y) // 2]))

@@ -15,8 +15,8 @@ else:
     class cached_property(Generic[T]):  # noqa: N801  (functools' own name)
         """Works like functools' of Python 3.12 and later.
 
-        Before, functools' holds one lock for all objects while it computes a value. A child that another thread forks
-        meanwhile finds the lock taken for ever.
+        Before, functools' holds one lock for all objects while it computes a value. A process that another thread forks
+        meanwhile inherits the lock as taken, and nothing releases it there.
         """
 
         def __init__(self, function: Callable[[Any], T]) -> None:

@@ -115,7 +115,11 @@ class ArmParameters:
     elbow_housing_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
 
     def __post_init__(self) -> None:
-        """Validate and bring to canonical types."""
+        """Validate and bring to canonical types.
+
+        Raises:
+            TypeError, ValueError: naming the field, its value and what is allowed.
+        """
         check_fields(self)
         if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
             raise ValueError(
@@ -322,7 +326,11 @@ class SquareParameters:
 
 
 def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
-    """Return the arm that an environment's `arm` argument stands for."""
+    """Return the arm that an environment's `arm` argument stands for.
+
+    Raises:
+        TypeError, ValueError: for anything else than a preset's name, a mapping of fields or parameters.
+    """
     if isinstance(arm, ArmParameters):
         return arm
     if isinstance(arm, str):

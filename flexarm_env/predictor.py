@@ -19,7 +19,7 @@ _FORMS = (
 
 
 def predictor(policy: Any, deterministic: bool) -> Predictor:
-    """How a policy is called; its signature is inspected here, once.
+    """Return a function that calls a policy, whichever form it has; its signature is inspected here, once.
 
     Args:
         policy: an object with stable-baselines3's ``predict(observation, state, episode_start, deterministic)``, with a

@@ -1,8 +1,8 @@
 """An episode of `FlexArm/Square-v0` in plain Python, to be read first: from the action to reward and observation.
 
 The compiled environments compute the same from the same formulas, for many arms at once and a thousand times as fast;
-a test holds the two equal to rounding. Here everything has its default, episodes begin at rest on the first corner, and
-nothing is drawn but what the caller chooses, the side of the elbow.
+a test holds the two equal to rounding. Here everything has its default and episodes begin at rest on the first corner.
+Nothing is drawn; the caller chooses the side of the elbow.
 
     >>> episode = ReferenceEpisode(elbow_branch="negative")
     >>> observation = episode.reset()

@@ -185,12 +185,12 @@ def run_batch(
 
 
 def _recorded(arm: FlexibleArm, arrays: dict[str, Array], ended: str) -> Trajectory:
-    measured = arrays.pop("true_tip")  # of another engine's arm no model's state gives it
+    measured = arrays.pop("true_tip")  # that of another engine's arm does not follow from the state of our model
     return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
 
 
 def _chooser(policies: Sequence[Any], envs: FlexArmVectorEnv) -> Callable[[Observations], Observations]:
-    """Return a function from observations to actions, Shape (N, ...) each; every policy acts for its environments."""
+    """Return a function from observations to actions; each policy acts for its environments. Shape (N, ...) each."""
     count = envs.num_envs
     if len(policies) != count:
         raise ValueError(f"policies: must be {count}, one for each environment, got {len(policies)}")

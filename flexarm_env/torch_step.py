@@ -1,4 +1,4 @@
-"""`FlexibleArm.step` for PyTorch: gradients run back through the compiled Jacobians.
+"""`FlexibleArm.step` for PyTorch: its backward pass multiplies by the compiled Jacobians.
 
 The only module of this package that needs torch; it is not imported by the others.
 """
@@ -14,7 +14,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 
 
 class _Step(torch.autograd.Function):
-    """One control period; its Jacobians are kept for the way back where a gradient is asked for."""
+    """One control period; its Jacobians are kept for the backward pass if an argument needs a gradient."""
 
     @staticmethod
     def forward(
@@ -38,7 +38,7 @@ class _Step(torch.autograd.Function):
 
     @staticmethod
     def backward(context: Any, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
-        """Products of the gradient with the Jacobians, summed over axes along which an argument was repeated."""
+        """Multiply the gradient by the Jacobians, and sum over axes along which an argument was repeated."""
         if torch.is_grad_enabled():
             raise RuntimeError(
                 "flexarm_env.torch_step.step: a gradient of a gradient (create_graph=True) cannot be had, "

@@ -188,7 +188,7 @@ def finite_rows(name: str, value: ArrayLike, last: int, most: float = np.inf) ->
 
 
 def finite_values(name: str, value: ArrayLike, most: float = np.inf) -> NDArray[np.float64]:
-    """Check an array of finite numbers of any shape; arguments and errors as in `finite_rows`."""
+    """Check an array of finite numbers of any shape; arguments as in `finite_rows`."""
     return _finite(name, real_array(name, value), most)
 
 
@@ -250,8 +250,8 @@ def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
 
     Args:
         owner: name of the class that was given them.
-        given: by the user.
-        known: that there are.
+        given: the names that the user gave.
+        known: all names that are allowed.
 
     Raises:
         TypeError: for the first that is not known, with the nearest known ones. It begins as Python's own message,

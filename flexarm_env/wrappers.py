@@ -20,8 +20,8 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
     """Observations of chosen ages, one after the other; in every autoreset mode, and with `reset_mask`.
 
     Ages (0, 1, 2, 3) are a frame stack, (0, 5, 10) a history, (2,) a delay by two steps. Before an episode's first
-    observation, all are taken to be equal to it. `final_obs` has the past of the episode that ended. It does not know
-    of `set_state`: states set from outside leave the past as it was.
+    observation, all are taken to be equal to it. `final_obs` has the past of the episode that ended. `set_state` of the
+    batch does not change the past that is kept here.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any], ages: Sequence[int]) -> None:

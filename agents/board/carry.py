@@ -1,4 +1,4 @@
-"""What an episode of the task "carry" is measured by: how the tip rests after each move, and what the links bear."""
+"""The figures of the task "carry": how the tip comes to rest after each move, and how much the links are stressed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexarm_agents.board.figures import ERRORS, Figure, Record, of_lap
 from flexarm_env.metrics import bending_moment, rests
 from flexarm_env.metrics.window import rms
 
-# The vibration comes first: it tells apart those who have settled as soon as the reference rests.
+# The vibration is the headline: it still distinguishes entries that have settled as soon as the reference rests.
 FIGURES = {
     "vibration": Figure("distance of the tip from its mean place, r.m.s. over the rests", "m"),
     "settling_time": Figure("until the tip stays within 2 cm of the corner, the longest of the rests", "s"),

@@ -28,8 +28,8 @@ from flexarm_env.parameters import arm_parameters
 from flexarm_env.validation import short, shown
 
 FORMAT = 2
-# Modules that the simulation imports and that have no part in a result: what shows, documents, declares and checks
-# options, whose values a key holds; and derivatives, which only controllers use.
+# Modules that the simulation imports and that do not affect a result: those that show, document, declare or check
+# options (a key holds the options' values), and derivatives, which only controllers use.
 WITHOUT_PART = (
     *(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene", "warm_up")),
     *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "motion_options", "chain_options")),
@@ -52,7 +52,7 @@ class Cell(NamedTuple):
 
     @classmethod
     def of(cls, entry: Entry, point: Point) -> Cell:
-        """Return the cell with all that its result depends on; the entry must be able to do the nominal task."""
+        """Return the cell with all that its result depends on; the entry must be able to do its home task."""
         return cls(entry, point, {"policy": dict(entry.fingerprint), **_environment(entry, point)})
 
     @property
@@ -100,7 +100,11 @@ class Store:
         return self.folder / key[:2] / f"{key}.json"
 
     def read(self, cell: Cell) -> dict[str, Any] | None:
-        """Return a cell's result, None if it is not there; refuse a file that is no cell's."""
+        """Return a cell's result; None if it is not there.
+
+        Raises:
+            ValueError: if the file is damaged, of another format, or not a cell's.
+        """
         path = self.path(cell.key)
         try:
             content = json.loads(path.read_text())
@@ -130,10 +134,10 @@ class Store:
 
 
 def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Put cells together by their entries and tasks.
+    """Group cells into jobs, by their entries and tasks.
 
-    Those of the entry's own task, which are most, are shared out, at most as many episodes as a batch has. Those of any
-    other task are one job, so that one worker alone designs the policy for it.
+    Cells of an entry's home task, which are most, are divided into jobs of at most as many episodes as a batch has
+    (`shares`). Those of any other task form one job, so that only one worker designs the policy for that task.
     """
     jobs: list[list[Cell]] = []
     for _, members in groupby(cells, lambda cell: cell.entry.source + repr(cell.entry)):
@@ -146,7 +150,11 @@ def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
 
 
 def compute(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """Compute cells of one entry together; code and policy must be those for which the keys are."""
+    """Compute cells of one entry together.
+
+    Raises:
+        ValueError: if this process has other code or another policy than the keys were made with.
+    """
     entry = cells[0].entry
     if any(Cell.of(entry, cell.point).key != cell.key for cell in cells):
         raise ValueError(f"entry {entry.name}: this worker has other code or another policy than the sender of the job")

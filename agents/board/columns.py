@@ -27,7 +27,7 @@ class Episode(NamedTuple):
     """An episode of a cell."""
 
     lap: str | None  # name of the lap; None: the environment begins it
-    seed: int  # of its reset; of a point's own episodes, the number from which it follows
+    seed: int  # of its reset; in `Point.episodes` the number from which the seed follows (`Point.seeded`)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _hurried(lap_time: float) -> Point:
 
 
 def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
-    """Return columns without the points of an engine that is not installed, and what to tell the user of that."""
+    """Return columns without the points of an engine that is not installed, and a message about that; "" if it is."""
     if find_spec("mujoco") is not None:
         return dict(columns), ""
     found = {
@@ -203,7 +203,7 @@ COLUMNS: dict[str, Column] = {
         (
             Point("nominal mass", {"randomisation": {}}, task="carry"),
             Point("0.2 to 1.5 kg", task="carry", seeds=range(CARRIED)),
-            # up at the first corner, down at the third, on the lap of the square; no entry is told
+            # taken up at the first corner and put down at the third, on the lap of the square; no entry knows of it
             Point(
                 "on the lap", {"payload_changes": ((0.25, None), (0.75, 0.0)), **LOADS}, task="square", seeds=range(8)
             ),
@@ -222,9 +222,9 @@ COLUMNS: dict[str, Column] = {
 
 
 def phases(columns: Mapping[str, Column]) -> list[dict[str, Column]]:
-    """Return what is computed one after the other: the first point of the headline's columns, all of them, the rest.
+    """Return what is computed one after the other: the first point of the headline's columns, these whole, all columns.
 
-    Whoever waits has a first page soon.
+    A first page is then ready early.
     """
     headline = {name: column for name, column in columns.items() if column.headline}
     first = {name: replace(column, points=column.points[:1]) for name, column in headline.items()}

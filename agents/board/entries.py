@@ -80,7 +80,15 @@ class Entry:
         return home_of(_recipe(self).environment)
 
     def candidate(self, task: str = "", fresh: bool = False) -> Candidate:
-        """Return the policy with its nominal environment on a task, "" its home; refuse a task that it cannot do."""
+        """Return the policy with its nominal environment on a task.
+
+        Args:
+            task: a name in `terms.TASKS`; "": the entry's home.
+            fresh: make both anew, also where they were made before.
+
+        Raises:
+            ValueError: if the policy cannot do the task.
+        """
         return (_candidate.__wrapped__ if fresh else _candidate)(self, task or self.home)
 
     def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
@@ -98,9 +106,9 @@ class Entry:
 
     @property
     def independent(self) -> bool:
-        """Whether an episode's actions have the same bits whatever other episodes are chosen for in one call.
+        """Whether an episode's actions have the same bits whatever other episodes share a call of the policy.
 
-        Those of controllers have; a product in a network may be rounded otherwise in another number of rows.
+        This holds for controllers; a network's product may be rounded differently for another number of rows.
         """
         return self.source in CONTROLLERS
 
@@ -113,7 +121,7 @@ class Entry:
 
     @property
     def content(self) -> str:
-        """Hash of its fingerprint: what its seeds follow from."""
+        """Hash of its fingerprint, from which the seeds of its episodes follow."""
         return hashlib.sha256(json.dumps(self.fingerprint, sort_keys=True).encode()).hexdigest()
 
 
@@ -193,13 +201,20 @@ LATE = (
     Entry("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
 FILTERED = (Entry("flexarm_agents.policies.safety_filter:SafetyFilter", "safety_filter"),)
-# Variants of another entry that take as long as all others; who wants them adds them by name.
+# Variants of another entry, left out since they take long; `--add NAME` measures one.
 LEFT_OUT = ("nmpc_path", "nmpc_adaptive_stamped")
 LIMITED = tuple(Entry(name, f"{name}_limited", limited=True) for name in ("ifdc", "flsac"))
 
 
 def all_entries(added: Sequence[str]) -> list[Entry]:
-    """Return all entries, each with a name of its own."""
+    """Return all entries, each with a name of its own.
+
+    Args:
+        added: further ones: sources (`Entry.source`), or JSON files with the fields of an `Entry`.
+
+    Raises:
+        ValueError: if two have the same name, or a file is no entry.
+    """
     own = [name for name in controller_names() if name not in LEFT_OUT]
     entries = [*(Entry(name, environment=CONTROLLERS[name].environment) for name in own), *LATE, *LIMITED, *FILTERED]
     entries += [Entry(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]

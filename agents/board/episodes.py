@@ -32,7 +32,7 @@ from flexarm_env.predictor import Predictor, predictor
 Array = NDArray[np.float64]
 LANES = 16  # most episodes of a batch: two of the smallest blocks, so that fewer kernels are compiled
 NO_ACTION = "action"  # the end of an episode in which the policy's action is not finite
-RAISED = "policy"  # the end of an episode in which the policy itself gives up with an error
+RAISED = "policy"  # the end of an episode in which the policy raises an error
 _MODAL = ("modal_coordinates", "modal_rates")
 _SHAPES = ("link_lengths", "mode_shapes", "modes_per_link", "mode_scale")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -60,7 +60,8 @@ def run_points(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run an entry at some points.
 
     Returns:
-        For each "episodes", a mapping of plain values for each; or "not_applicable", why the entry cannot be run there.
+        A mapping for each point: "episodes", the plain values of each episode (`_outcome`); or "not_applicable", the
+        reason why the entry cannot be run there.
     """
     results: list[dict[str, Any]] = [{} for _ in points]
     batches: dict[str, list[int]] = {}
@@ -98,7 +99,7 @@ def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _run_some(entry: Entry, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
-    """Run points that fit into one batch: together, or each episode alone where arm or policy can no more."""
+    """Run points that fit into one batch: together, or each episode alone where arm or policy cannot be batched."""
     task = TASKS[points[0].task]
     candidate = entry.candidate(points[0].task)
     nominal = candidate.env.unwrapped
@@ -169,8 +170,7 @@ def _run(
 ) -> list[dict[str, Any]]:
     """Run one episode in each environment of a batch, and return plain values of each.
 
-    An environment whose episode is over begins another one, which has no part in the result, as vector environments
-    do: a policy meets nothing that it does not know from there.
+    An environment whose episode has ended begins another one, as vector environments do; that one does not count.
     """
     matrix = observation_map(view, nominal)
     observation, infos = env.reset(seed=[one.seed for one in episodes], options=_reset_options(episodes))

@@ -1,4 +1,4 @@
-"""What an episode of the board is measured by: figures of which less is better, their units, and how they are found.
+"""Figures of an episode of the board, of which less is better: their units, and how they are computed.
 
 A lost episode counts as infinite in every one of them.
 """

@@ -1,4 +1,4 @@
-"""The board: cells that are missing are computed, and all are added up, to JSON and tables."""
+"""The board: computes the missing cells, and adds all cells up to JSON and tables."""
 
 from __future__ import annotations
 
@@ -32,7 +32,16 @@ DIGITS = 6  # of the figures in the board's file
 
 
 def chosen_entries(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Entry]:
-    """Return entries by their names, without some, and those that are added; all where no name and none is given."""
+    """Return the entries with some names, and the added ones.
+
+    Args:
+        names: names of entries; where neither these nor `added` are given, all entries are chosen.
+        without: names of entries to leave out.
+        added: further entries, see `all_entries`.
+
+    Raises:
+        ValueError: for an unknown name.
+    """
     entries, own = all_entries(added), [entry.name for entry in all_entries(())]
     for what, given in (("entries", names), ("without", without)):
         for name in given:
@@ -146,7 +155,7 @@ def published() -> dict[str, Any] | None:
 
 
 def beside(results: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a board beside the entries of another one that it has not measured, in the columns that both have."""
+    """Return a board with those entries of another one that it has not measured, in the columns that both have."""
     own = {entry["name"] for entry in results["rows"]}
     columns = {name: column for name, column in results["columns"].items() if name in others["columns"]}
     rows = [*results["rows"], *(entry for entry in others["rows"] if entry["name"] not in own)]

@@ -1,4 +1,4 @@
-"""What an episode of the task "race" is measured by: the times of the first lap, of the fastest, and of all three."""
+"""The figures of the task "race": the times of the first lap, of the fastest, and of all three."""
 
 from __future__ import annotations
 

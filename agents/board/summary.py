@@ -94,9 +94,9 @@ def loss(laps: Sequence[Mapping[str, Any]]) -> float:
 
 
 def kept(column: Column, points: Sequence[Mapping[str, Any] | None]) -> list[float]:
-    """Return the values of an axis about the nominal one, up to the first on either side at which a lap is lost.
+    """Return the values of an axis about the nominal one, up to but without the first on either side that loses a lap.
 
-    Where the column has a `bound`, the mean error of each lap is below it, too.
+    Where the column has a `bound`, the mean error of each lap is at most that, too.
     """
     bound = np.inf if column.bound is None else column.bound
     able = [one if one and "not_applicable" not in one else None for one in points]

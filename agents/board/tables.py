@@ -30,7 +30,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def has_rank(entry: Entry) -> bool:
-    """Return whether an entry plays by the rules: it does not read the true state, and its torques have a limit."""
+    """Return whether an entry has a rank: it does not read the true state, and its torques have a limit."""
     return not entry["privileged"] and entry["torque_limit"] is not None
 
 
@@ -58,7 +58,7 @@ def _or_infinite(figure: Mapping[str, float | None] | None, what: str) -> float:
 
 
 def on_square(entry: Entry) -> bool:
-    """Return whether an entry is of those that the ranking compares: it can do the square."""
+    """Return whether the ranking lists an entry: it completes a nominal lap of the square, or ran on unknown arms."""
     return any(one is not None for one in nominal_errors(entry).values()) or _unknown(entry) is not None
 
 
@@ -75,14 +75,14 @@ def title(entry: Entry) -> str:
 
 
 class Best(NamedTuple):
-    """A figure of a nominal task, of which the best value known of each lap is known."""
+    """A figure of a nominal task, with the best value known of each lap."""
 
     task: str
     figure: str
     values: Mapping[str, float]  # of each lap
 
     def over(self, entry: Entry, board: Board) -> Iterator[float | None]:
-        """Yield how much more an entry has on each lap; None where it has none, or lost the lap."""
+        """Yield by how much an entry's figure exceeds the best of each lap; None where it has none, or lost the lap."""
         index = board["columns"]["nominal"]["tasks"].index(self.task)
         point = entry["columns"]["nominal"]["points"][index] or {}
         for lap, best in self.values.items():
@@ -101,7 +101,7 @@ def best_of(board: Board) -> Iterator[Best]:
 
 
 def ranking(board: Board, narrow: bool = False) -> str:
-    """Write what becomes of each entry on unknown arms; unless narrow, how near it is to plans, what it reads."""
+    """Write each entry's losses and errors on unknown arms; unless narrow, its distance to the plans, what it reads."""
     best = [] if narrow else list(best_of(board))
     titles = [f"{one.task}, {board['tasks'][one.task]['figures'][one.figure]['title']}" for one in best]
     laps = [" / ".join(one.values) for one in best]

@@ -53,7 +53,7 @@ class BoardTask(NamedTuple):
 
 
 def best_plans(name: str = "default") -> Best:
-    """Return the errors of the best plan known for each lap of a square [m]; its plans begin with the name."""
+    """Return the errors of the best plan known for each lap of a square [m]; `name` is how its plans' names begin."""
     found = {}
     for lap in LAPS:
         score = json.loads((PLANS / f"{name}_{lap}.json").read_text())["score"]
@@ -142,7 +142,7 @@ def seed_of(*stream: str) -> int:
 
 
 def home_of(environment: str) -> str:
-    """Return the task of the board that entries made for an environment are at home on: one of their own, or square."""
+    """Return the home task of entries made for an environment: the first one with that environment, else "square"."""
     own = (name for name, task in TASKS.items() if task.environment == environment and not task.hosted)
     return next(own, "square")
 

@@ -59,12 +59,12 @@ def epilog(*verbs: str) -> str:
 
 
 def wrapped(paragraph: str) -> str:
-    """Break a paragraph's lines as the terminal is wide."""
+    """Wrap a paragraph to the width of the terminal."""
     return textwrap.fill(paragraph, width() - 2)
 
 
 class Reader(argparse.ArgumentParser):
-    """A parser that keeps its arguments; options cannot be abbreviated: a new one never changes another."""
+    """A parser that lists its arguments in `declared`. Options cannot be abbreviated: a new one breaks no command."""
 
     def __init__(self, prog: str, description: str, epilog: str = "") -> None:
         self.declared: list[argparse.Action] = []
@@ -106,7 +106,7 @@ def of_verb(verb: str, description: str) -> Reader:
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """Read a JSON object; refuse another text."""
+    """Read a JSON object; another text is a `ValueError`."""
     try:
         value = json.loads(text)
     except ValueError as error:

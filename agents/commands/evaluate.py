@@ -35,7 +35,7 @@ last (the leaderboard ranks by the error on unknown arms)."""
 
 
 class Result(NamedTuple):
-    """A candidate without its environment, and what its laps gave."""
+    """A candidate, whose environment is closed, and the scores of its laps."""
 
     candidate: Candidate
     scores: list[StandardScore]
@@ -104,7 +104,7 @@ def _plant(environment: str, plant: Mapping[str, Any]) -> str:
 
 
 def _print_own(results: Sequence[Result]) -> None:
-    """Name the policies that were trained on another plant than the nominal one, on which they are scored."""
+    """Print the policies that were trained on another plant than the one on which they are scored."""
     others = []
     for each in results:
         one = each.candidate

@@ -16,7 +16,7 @@ LOG = 30.0  # the same without a terminal, and between two lines there [s]
 
 
 def progress_bar(total: int, unit: str) -> tqdm[Any]:
-    """Return a bar on stderr, for so many of a unit; it is shown once it takes long, and taken away in the end."""
+    """Return a bar on stderr for a number of units; it is shown once they take long, and removed at the end."""
     terminal = sys.stderr.isatty()
     pauses = {"delay": PATIENCE} if terminal else {"delay": LOG, "mininterval": LOG}
     return tqdm(total=total, unit=f" {unit}", leave=False, dynamic_ncols=terminal, **pauses)

@@ -67,7 +67,7 @@ def run(arguments: Sequence[str]) -> None:
 
 
 def episode(candidate: Candidate, given: argparse.Namespace) -> Trajectory:
-    """Run an episode as the arguments say; its notes say of what it is."""
+    """Run an episode as the arguments say; its notes name policy, environment, lap and the sensor's position [m]."""
     start: dict[str, object] = {"options": {}} if given.lap == OWN else {"lap": given.lap}
     found = run_policy(candidate.env, candidate.policy, seed=given.seed, **start)  # type: ignore[arg-type]
     place = candidate.env.unwrapped.settings.sensor_position  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Scores as tables for a terminal, in which an early end is never without its mark."""
+"""Scores as tables for a terminal, in which each early end is marked."""
 
 from __future__ import annotations
 
@@ -109,12 +109,12 @@ def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def pair(values: tuple[float, float] | None, digits: int) -> str:
-    """Write two numbers, of shoulder and elbow or of the links; one that would round to 0 by its first digit."""
+    """Write two numbers, of shoulder and elbow or of the links; one that would be 0 keeps one significant digit."""
     if values is None:
         return "-"
     return " / ".join(f"{value:.1g}" if 0.0 < value < 0.5 * 0.1**digits else f"{value:.{digits}f}" for value in values)
 
 
 def _metres(value: float | None) -> str:
-    """Return a statistic; where it is missing, laps that ended early decide it."""
+    """Write a statistic; "ended" where laps that ended early make it infinite."""
     return "ended" if value is None else metres(value)

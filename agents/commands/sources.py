@@ -69,7 +69,16 @@ def _is_training(source: str) -> bool:
 
 
 def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
-    """Make what POLICY names, with its environment; see `evaluation.candidates` and `Entry.on`."""
+    """Make the policy that POLICY names, with its environment; see `evaluation.candidates` and `Entry.on`.
+
+    Args:
+        source: POLICY.
+        given: arguments of `add_environment`.
+        own: run a training in the environment that it was trained in, unless another one is given.
+
+    Raises:
+        FileNotFoundError: if there is no such file, folder, shipped policy or controller.
+    """
     if _is_training(source):
         if not Path(source).exists() and source not in shipped_policies():
             names = f"shipped policies are {', '.join(shipped_policies())}; controllers {', '.join(controller_names())}"

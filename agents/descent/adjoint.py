@@ -1,8 +1,8 @@
 """Derivatives of a window's costs by the network's outputs: the chain rule, from its last period to its first.
 
-An action moves the arm; from then on it changes the state, what of it is read at once or late, the actions that the
-network chooses by that, and its own trace among the past actions. Derivatives by the state go back through a period by
-the compiled adjoints of the arm (`FlexibleArm.step_gradients`), broken where the sensor reads within the period.
+An action changes the later states, their immediate and late readings, the later actions of the network, and the past
+actions in the observations. Derivatives by the state go back through a period by the compiled adjoints of the arm
+(`FlexibleArm.step_gradients`), in parts that end where the sensor reads within the period.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MOST = 1e9  # [m]; a larger derivative by an output is that of an arm that flies
 
 
 def seen_in(window: Window, actions: int) -> Seen:
-    """Return of what the observations at a window's instants were made.
+    """Return the inputs from which the observations at a window's instants were made.
 
     Actions before the window, or before the episode, are 0; at the first instant the earlier reading is the present
     one. Nothing in the window can change either.
@@ -32,12 +32,12 @@ def seen_in(window: Window, actions: int) -> Seen:
 
 
 class Adjoint:
-    """Derivatives on their way back through a window.
+    """Derivatives of a window's costs, accumulated from its end to its beginning.
 
     Attributes:
-        by_state: by the state at each instant, as far as they have come. Shape (T + 1, n, 4 + 4 m).
+        by_state: by the state at each instant, accumulated so far. Shape (T + 1, n, 4 + 4 m).
         by_action: by the action of each period, apart from its effect on the arm. Shape (T, n, 2).
-        left_out: arms whose derivatives are too large, and count for nothing. Shape (n,).
+        left_out: arms whose derivatives are not finite, or too large; theirs are set to 0. Shape (n,).
     """
 
     def __init__(self, observations: Observations, window: Window) -> None:
@@ -59,12 +59,12 @@ class Adjoint:
         self.left_out = np.zeros(window.actions.shape[1], dtype=bool)
 
     def observe(self, t: int, weights: Floats) -> None:
-        """Add what an observation gives.
+        """Add the derivatives through an observation.
 
         Args:
             t: instant; the derivatives by states and actions before it are not complete yet.
-            weights: derivatives by the numbers of the observation; at an episode's beginning nothing can change them.
-                Shape (n, k).
+            weights: derivatives by the numbers of the observation; those of an episode's first one do not count, since
+                no action changes it. Shape (n, k).
         """
         age = self._window.ages[t]
         given = weights * (age > 0)[:, None]
@@ -99,7 +99,7 @@ class Adjoint:
         return self.by_action[t] + by_torque * np.array(self._model.settings.motor_limit)
 
     def _read(self, t: int, periods: int, one: Instant, weights: Floats) -> None:
-        """Add what a reading gives that was taken so many periods before instant t."""
+        """Add the derivatives through a reading that was taken so many periods before instant t."""
         if t < periods:
             return
         known = (self._window.ages[t] >= periods)[:, None]

@@ -1,4 +1,4 @@
-"""`Learner`: the policy's network and the critic's, their optimisers, and what a window teaches them.
+"""`Learner`: the policy's network and the critic's, their optimisers, and their updates from a window.
 
 Source: Xu, Makoviychuk, Narang, Ramos, Matusik, Garg & Macklin, *Accelerated policy learning with parallel
 differentiable simulation*, ICLR 2022 (short-horizon actor-critic).
@@ -29,7 +29,7 @@ LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where action
 
 
 class Figures(NamedTuple):
-    """What a window came to."""
+    """Figures of a window, for the log."""
 
     cost: float  # mean of its periods [m]
     error: float  # r.m.s. distance of the tip from the reference [m]
@@ -140,7 +140,7 @@ class Learner:
                 average.lerp_(present, 1.0 - config.critic_averaging)
 
     def _targets(self, window: Window, found: Costs) -> Floats:
-        """Return what the critic should have said: a mean over all numbers of periods that are looked ahead."""
+        """Return the critic's targets, the window's costs and values as TD(lambda) returns. Shape (T, n)."""
         config = self._config
         flat = torch.from_numpy(window.last.reshape(-1, window.last.shape[-1]))
         with torch.no_grad():

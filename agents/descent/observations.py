@@ -109,7 +109,7 @@ class Observations:
         blocks: where each block lies in an observation.
         scale: divisor of each number. Shape (k,).
         encoders: indices in a state of what encoders read.
-        by_state: derivatives by what is in the state, and observed as it is. Shape (k, 4 + 4 m).
+        by_state: derivatives by the state, of the blocks that show numbers of it unchanged. Shape (k, 4 + 4 m).
         by_actions: derivatives by past actions, the newest first. Shape (k, 2 per action).
     """
 
@@ -128,7 +128,7 @@ class Observations:
 
         Args:
             observations: Shape (..., k).
-            seen: of what they were made.
+            seen: inputs from which they were made.
         """
         numbers = observations * self.scale
         encoders = np.moveaxis(seen.states[..., self.encoders], -1, 0)
@@ -145,7 +145,7 @@ class Observations:
             return np.stack(turned, axis=-1) if turned else np.zeros((*numbers.shape[:-1], 0))
 
         def aim(name: str) -> Floats:
-            """Return what a block of joint errors and that of their rates are the difference to."""
+            """Return the joint angles and rates from which a block of joint errors and that of its rates are taken."""
             errors = np.concatenate([observed(name), observed(f"{name}_rate")], axis=-1)
             return np.asarray(errors + np.moveaxis(encoders, 0, -1))
 
@@ -220,7 +220,7 @@ class Observations:
         return [x * (1.0 / scale) for x, scale in zip(numbers, self.scale, strict=True)]
 
     def _selected(self, part: str, count: int) -> Floats:
-        """Return derivatives of an observation by the numbers of a part of which it shows some as they are."""
+        """Return derivatives of an observation by the numbers of a part, some of which it shows unchanged."""
         slopes = np.zeros((len(self.scale), count))
         for name, place in self.blocks.items():
             own, first, size = BLOCKS[name].rows(self.settings)

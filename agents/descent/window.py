@@ -35,7 +35,7 @@ class Window(NamedTuple):
     readings: Floats  # latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2)
     ages: NDArray[np.int64]  # control periods since the episode began. Shape (T + 1, n)
     output: Floats  # of the network, disturbed. Shape (T, n, 2)
-    actions: Singles  # what is done: that, limited to [-1, 1]. Shape (T, n, 2)
+    actions: Singles  # the output, limited to [-1, 1]. Shape (T, n, 2)
     earlier: Singles  # action of the period before, 0 where an episode begins. Shape (T, n, 2)
     # States at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one before.
     # Shape (T, n, 4 + 4 m)
@@ -47,21 +47,22 @@ class Window(NamedTuple):
 
 
 def usable(states: Floats, before: Floats) -> Floats:
-    """Return states, and of arms that flew apart those before: their episode ends there. Shape (..., 4 + 4 m)."""
+    """Return states; of arms that flew apart, whose episode ends there, those before. Shape (..., 4 + 4 m)."""
     whole = (np.abs(states) <= LARGEST).all(axis=-1, keepdims=True)
     return np.where(whole, states, before)
 
 
 class Driver:
-    """A batch between two windows; pickles as it is."""
+    """A batch that runs window after window; between two it can be pickled."""
 
     def __init__(self, env: FlexArmVectorEnv, seed: int, noise: float = 0.0) -> None:
         """Begin episodes.
 
         Args:
             env: the batch; an episode begins in the step that ends the one before.
-            seed: of the episodes, and of what disturbs the actions.
-            noise: largest standard deviation of that; the first arm has next to none, the last one the largest.
+            seed: of the episodes, and of the disturbance of the actions.
+            noise: standard deviation of the disturbance for the last arm, in actions; it is proportional to the arm's
+                number, from 1.
         """
         self.env = env
         self._random = np.random.default_rng(seed)
@@ -72,7 +73,11 @@ class Driver:
         self._earlier = np.zeros((env.num_envs, 2), dtype=np.float32)
 
     def stagger(self, periods: int) -> None:
-        """Begin the arms' episodes anew, one after the other and without torques: windows then see all ages alike."""
+        """Begin the arms' episodes one after the other, with no action but the disturbance, so that their ages differ.
+
+        Args:
+            periods: control periods over which the beginnings are spread.
+        """
         count = len(self._ages)
         turns = np.arange(count) * periods // count
         for turn in range(periods):

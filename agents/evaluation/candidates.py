@@ -38,7 +38,11 @@ class Candidate(NamedTuple):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """What it may learn of arm and task, ordered as `INFORMATION`: what it observes, and the policy's `knows`."""
+        """Names of what it has of arm and task, ordered as `INFORMATION`: by its observation and the policy's `knows`.
+
+        Raises:
+            ValueError: if `knows` has another name.
+        """
         named = tuple(getattr(self.policy, "knows", ()))
         for name in named:
             if name not in INFORMATION:
@@ -115,8 +119,8 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
         source: its zip file.
         algorithm: its class, a name in stable-baselines3, "PPO", or "module:Class", "sb3_contrib:TQC".
         env: environment that it is for.
-        vec_normalize: file of the statistics by which `VecNormalize` scaled its observations, which reading executes
-            code, too; `WITHOUT`: there are none; "": none, unless such a file lies beside the model.
+        vec_normalize: file of the statistics by which `VecNormalize` scaled its observations; reading it can execute
+            code, too. `WITHOUT`: there are none; "": none, and no such file may lie beside the model.
 
     Raises:
         ImportError: without the package.
@@ -151,7 +155,12 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
 
 
 def imported(source: str) -> Any:
-    """Import what "module:attribute" names."""
+    """Import what "module:attribute" names; the module may lie in the present folder.
+
+    Raises:
+        ImportError: if there is no such module.
+        ValueError: for another text, or if the module has no such attribute.
+    """
     module, _, attribute = source.partition(":")
     if not module or not attribute:
         raise ValueError(f"{shown(source)}: must be 'module:attribute'")

@@ -30,7 +30,7 @@ class RaceScore(Score):
         return (False, self.duration) if self.complete else (True, -self.duration)
 
     def __str__(self) -> str:
-        """In one line: the time of the race, or when and why it was lost."""
+        """In one line: the time of the race, or why it was lost."""
         return f"race finished in {self.duration:.2f} s" if self.complete else f"race lost: {self.ended}"
 
 
@@ -43,7 +43,7 @@ class RaceScores(StandardScore):
 
 
 def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> StandardScore:
-    """Score both standard laps, with deterministic actions; of a race, which has its own start, that one twice.
+    """Score both standard laps, with deterministic actions; or one race, whose score stands in the places of both.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.

@@ -21,9 +21,7 @@ ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigure
 
 
 class Score(NamedTuple):
-    """Figures of one episode; `str` gives its errors, or when and why it was lost.
-
-    They are of those of `flexarm_env.metrics.LapFigures`.
+    """Figures of one episode (`flexarm_env.metrics.LapFigures`); `str` gives its errors, or when and why it was lost.
 
     An episode that ended early is a result of its own: its errors are None, since those of the part before the end
     would compare well with a whole lap's. Figures after 2 s are None for an episode that was shorter, too.

@@ -17,7 +17,7 @@ LOG = "failures.log"
 class Failure(NamedTuple):
     """A job that failed."""
 
-    job: str  # its name, e.g. of a row of the board, or the folder of a training
+    job: str  # its name, e.g. of an entry of the board, or the folder of a training
     error: BaseException  # what it raised
 
     def __str__(self) -> str:
@@ -26,7 +26,16 @@ class Failure(NamedTuple):
 
 
 def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
-    """Report jobs that failed by an error, and keep their tracebacks in `failures.log`, which is absent if none did."""
+    """Write the tracebacks of failed jobs to `failures.log` in a folder; without failed jobs that file is removed.
+
+    Args:
+        failed: the jobs.
+        folder: folder of the log.
+        rest: end of the message: what follows from the failures.
+
+    Raises:
+        OSError: if a job failed.
+    """
     log = folder / LOG
     if not failed:
         log.unlink(missing_ok=True)

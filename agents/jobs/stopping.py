@@ -27,7 +27,7 @@ def is_asked_to_stop() -> bool:
 
 
 class TrainingStopped(KeyboardInterrupt):
-    """A signal stopped a training between two rollouts; nothing that was computed is lost.
+    """A signal stopped a training between two rollouts or rounds; nothing that was computed is lost.
 
     Attributes:
         signal: its number.

@@ -41,7 +41,7 @@ class WorkerPool(ProcessPoolExecutor):
 
 @contextmanager
 def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
-    """Worker processes for a block.
+    """Provide worker processes within `with`.
 
     After an error, or a signal, workers are killed at once, and jobs in progress are lost; stoppable ones are waited
     for, until a second signal comes. If the parent is killed itself, its workers notice and end.

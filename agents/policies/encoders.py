@@ -1,4 +1,4 @@
-"""`Encoder`: what turns observations into a network's inputs, with a memory from step to step; past readings as one."""
+"""`Encoder`: turns observations into a network's inputs, with a memory from step to step; `PastReadings` is one."""
 
 from __future__ import annotations
 

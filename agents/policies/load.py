@@ -92,7 +92,8 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
 
     Raises:
         FileNotFoundError: if there is none, naming those that are shipped.
-        ValueError: if the file is not a policy's.
+        TypeError: if the source is neither text nor a path.
+        ValueError: if the file is not a policy's, or its environment is not there.
     """
     file = policy_file(source, last)
     name = Path(source).name if os.path.isdir(source) else file.stem

@@ -20,15 +20,19 @@ from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.validation import choice
 
-KINDS = ("none", "nominal", "delay")  # none; with the nominal delay; with one that it estimates
+KINDS = ("none", "nominal", "delay")  # no filter; one with the nominal delay; one that estimates the delay
 NEEDED = ("joint_angles", "joint_rates", "sensed_position", "reference_position", "reference_velocity", "last_actions")
-FILTERED = ("joint_angles", "sensed_position")  # which only the filter sees
+FILTERED = ("joint_angles", "sensed_position")  # blocks that only the filter reads
 ERROR_SCALE, RATE_SCALE = 0.5, 3.0  # [m], [m/s]; as of the blocks `sensor_error` and `sensor_error_rate`
 Floats = NDArray[np.float64]
 
 
 def check_observed(settings: Settings) -> None:
-    """Check that an observer can work in an environment."""
+    """Check that an environment has the actions, motors and blocks that an observer needs.
+
+    Raises:
+        ValueError: if it has not.
+    """
     if settings.action_mode != "torque":
         raise ValueError(f"action_mode = {settings.action_mode!r}: must be 'torque' with an observer")
     if settings.real_motors:
@@ -46,7 +50,7 @@ class Parts(NamedTuple):
     blocks: dict[str, slice]  # where each block lies in an observation
     scale: Floats  # divisor of each number of an observation. Shape (k,)
     seen: list[int]  # numbers of an observation that the network sees
-    estimated: Floats  # divisor of each number of the estimate that it sees
+    estimated: Floats  # divisor of each number of the estimate that the network sees
 
 
 @dataclass(frozen=True)
@@ -166,7 +170,7 @@ class Observer(Encoder):
         return np.concatenate([observations[:, parts.seen], scaled.astype(np.float32)], axis=1)
 
 
-LARGEST = 20.0  # of an estimate for the network, in its scale: beyond it nothing more is to be learned
+LARGEST = 20.0  # magnitude at which a scaled estimate is clipped for the network
 
 
 def _turned(cosine: Floats, sine: Floats, vectors: Floats) -> Floats:

@@ -22,15 +22,16 @@ ACTIVATIONS = {"elu": "Elu", "tanh": "Tanh", "relu": "Relu"}
 def export_onnx(policy: NetworkPolicy, path: str | Path) -> None:
     """Write the deterministic policy: input `observation`, (n, k), output `action`, (n, actions), float32.
 
-    A policy with a memory has further inputs `memory_0`, ... and outputs `next_memory_0`, ... When an episode begins,
-    all readings of a history, (n, longest lag, numbers), are the present ones, and both of an LSTM, (n, h), are 0.
+    A policy with a memory has further inputs `memory_0`, ... and outputs `next_memory_0`, ... Where an episode begins,
+    fill the memory of past readings, (n, longest lag, numbers), with the present ones, and both memories of an LSTM,
+    (n, h), with 0.
 
     Args:
         policy: e.g. `load_policy("square").policy`; its file's notes are not written.
         path: of the file.
 
     Raises:
-        TypeError: for anything but a `NetworkPolicy`, or one behind a Kalman filter, which is no graph.
+        TypeError: for anything but a `NetworkPolicy`, or for one behind a Kalman filter, which is not exported.
         ModuleNotFoundError: without the package onnx, naming the extra.
     """
     if not isinstance(policy, NetworkPolicy) or not isinstance(policy.encoder, PastReadings | Lstm | None):

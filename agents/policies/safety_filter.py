@@ -46,13 +46,13 @@ def trained_on(network: str) -> Settings:
 class SafetyFilter(AdaptiveLQG):
     """A shipped policy, with `AdaptiveLQG` for a backup.
 
-    In each control period the network proposes torques. The backup's model of the arm that it believes in, linear about
-    the plan of the nearest node, predicts what follows if they act for the period and the backup's feedback for
-    `HORIZON` periods. Of `SHARES` the largest acts at which tip and links stay within their share `TUBE` of the limits
-    that end an episode; if there is none, the backup acts: the projection of the proposal on what is predicted to be
-    safe, along the line to the backup's torques.
+    In each control period the network proposes torques. They are projected on the set that is predicted to be safe,
+    along the line to the backup's torques: the largest of `SHARES` acts that is safe, and the backup where none is. A
+    share is safe if, with its torques for a period and the backup's feedback after that, the tip's error and the links'
+    bending at the next `HORIZON` instants are below `TUBE` times the limits that end an episode. The prediction is by
+    the backup's own model for its present estimates, linear about the plan of the nearest node.
 
-    A memory has, behind that of the backup, the share that acts (NaN: none yet), Shape (n,), and the network's memory.
+    A memory is that of the backup, the share that acts (NaN: none yet), Shape (n,), and the network's memory.
 
     Attributes:
         network: name of the shipped policy.
@@ -116,15 +116,15 @@ class SafetyFilter(AdaptiveLQG):
         return torque, (*self._followed_by(period, after, torque), share, *(network or ()))
 
     def safe(self, worst: Floats) -> Bools:
-        """Return whether proposals pass whose predictions (n, 2) are at most so far off and bent [m]. Shape (n,)."""
+        """Return whether proposals are safe, by their largest predicted error and bending (n, 2) [m]. Shape (n,)."""
         return np.asarray(np.all(worst < self.limits, axis=1))
 
     def predicted(self, period: Array, after: Memory) -> Floats:
         """Return the largest error and bending of a horizon of the backup, within the lap [m]. Shape (n, 2).
 
         Args:
-            period: control periods that end as it begins. Shape (n,).
-            after: the backup's memory of then.
+            period: number of the control period at whose end the prediction begins. Shape (n,).
+            after: the backup's memory at that instant.
         """
         arms, last, arm = np.arange(len(period)), self.task.periods, self.plans[0].arm
         estimate, late = after[0][arms, after[7]], after[1][arms, after[7]][:, None] / self.task.period
@@ -156,7 +156,7 @@ class SafetyFilter(AdaptiveLQG):
         """Return the backup's memory after a period in which other torques act than its own [N m]. Shape (n, 2)."""
         beliefs, (chosen, backup, doubt, *rest) = Beliefs(*after[:4]).flat(), after[4:]
         arms = np.repeat(np.arange(len(doubt)), doubt.shape[1])
-        # the node is that of the period: what it follows from did not move
+        # the node is that of the period: a prediction leaves the estimates of payload and stiffness as they are
         at, share = (self._nearest_node(chosen[arms], beliefs.estimate), period[arms]), beliefs.late[:, None]
         moves = [(backup[arms], one[arms], share / self.task.period) for one in (torque, backup)]
         estimate, slope = (

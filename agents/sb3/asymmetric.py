@@ -25,7 +25,7 @@ class FirstNumbers(BaseFeaturesExtractor):
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """The value sees the whole observation, the policy all but the last numbers, `privileged` of them."""
+    """The value sees the whole observation, the policy all but the last `privileged` numbers of it."""
 
     def __init__(self, *args: Any, privileged: int, **kwargs: Any) -> None:
         self._privileged = privileged

@@ -19,7 +19,7 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
 
     Args:
         model: PPO, SAC or TQC with "MlpPolicy", or RecurrentPPO with "MlpLstmPolicy", on vectors; its environment may
-            be a `EncodedVecEnv`.
+            be an `EncodedVecEnv`.
         notes: to keep with it.
     """
     policy: Any = model.policy
@@ -36,7 +36,11 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
 
 
 def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
-    """Give PPO's model the network of a policy; its value and its actions' deviation stay as they are."""
+    """Give PPO's model the network of a policy; its value and its actions' standard deviation stay as they are.
+
+    Raises:
+        ValueError: if the layers have other sizes.
+    """
     target: Any = model.policy
     set_layers([*target.mlp_extractor.policy_net, target.action_net], policy)
 

@@ -36,7 +36,7 @@ def weights_and_biases(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers
 
 
 def set_layers(modules: Iterable[torch.nn.Module], policy: NetworkPolicy) -> None:
-    """Give the layers among some modules the weights and biases of a policy, which has their sizes."""
+    """Give the layers among some modules the weights and biases of a policy; other sizes are a `ValueError`."""
     layers = linear_layers(modules)
     sizes = [tuple(layer.weight.shape) for layer in layers]
     if sizes != [np.shape(weight) for weight in policy.weights]:

@@ -257,7 +257,7 @@ def _warn_of_threads() -> None:
 
 
 class EncodedVecEnv(VecEnvWrapper):
-    """An encoder's outputs, and behind them what it does not take; no memory before the first observations."""
+    """Encodes observations: the encoder's outputs, then the numbers that it does not take. `memory` is () at first."""
 
     def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
         size = encoder.inputs + venv.observation_space.shape[0] - encoder.size  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""`drawn_path`: a path from a generator, of many kinds, speeds and corners: what a student of any path is taught on."""
+"""`drawn_path`: random paths of several kinds, speeds and corners, on which a student of arbitrary paths is taught."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ BLENDS = (0.1, 0.8)  # [s]: over which corners that are not sharp are blended
 def drawn_path(random: np.random.Generator) -> Array:
     """Draw a path, for the option `waypoints` of the reference "drawn".
 
-    It is a polygon, a curve of a few harmonics, or a spline; passed at constant speed at once, from rest, or with rests
-    on the way; its corners are sharp or blended.
+    It is a polygon, a curve of a few harmonics, or a spline. The reference moves along it at constant speed from the
+    first instant on, from rest, or with rests on the way. Corners are sharp or blended.
 
     Args:
         random: what decides it.
@@ -83,7 +83,7 @@ def _at(arcs: Array, ends: Array, along: Array) -> Array:
 
 
 def _progress(random: np.random.Generator, times: Array, speed: float, stops: Array) -> Array:
-    """Return distances along a path [m]; what moves at once has done so before time 0. Shape (n,)."""
+    """Return distances along a path [m]; a motion without a start has moved before time 0, too. Shape (n,)."""
     first, kind = random.choice([0.0, random.uniform(0.0, stops[-1])], p=[0.7, 0.3]), random.random()
     if kind < 0.45:
         return np.asarray(first + speed * times)

@@ -39,7 +39,7 @@ from flexarm_env.simulation.limits import rest_state
 FIRST = 10**6  # seed of the first planned episode; those after it follow
 OPTIONS = SolverOptions(iterations=4, tolerance=3e-3)  # the fifth would lower an error by less than 1 %
 NEARLY_STRAIGHT = 0.95  # share of the reach from which on an arm may change its elbow's side when it starts
-LEAST = 1e-6  # mean difficulty of plans that no student has left; all are drawn alike then
+LEAST = 1e-6  # least mean difficulty: plans that no student has left are all drawn with the same probability
 BAD = 0.3  # [m]: r.m.s. error of a plan that is not taught
 
 
@@ -52,12 +52,12 @@ class Plans(NamedTuple):
 
 
 class PathTeacher(Teacher):
-    """Torques along a plan for each episode; the episodes are those of so many seeds, with other delays each time."""
+    """Torques along a plan for each episode; the episodes are those of fixed seeds, with delays drawn anew."""
 
     rescues = True
     seeds: Indices  # of the episodes, by plan
     chosen: Indices  # plan that each arm of the present rollout began with
-    difficulty: Floats  # of each plan, see `graded`
+    difficulty: Floats  # of each plan, see `graded`; NaN before a student was on it
 
     @classmethod
     def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path) -> PathTeacher:

@@ -32,7 +32,12 @@ def run_rollout(
 ) -> Rollout:
     """Run a lap on every arm of a batch that starts on the first corner; the result depends on the arguments alone.
 
-    Without a student, which drives a share of the time in later rounds (`number`), the teacher drives alone.
+    Args:
+        env: the batch.
+        teacher: answers in each period, and drives a share of the time (`teacher_share`).
+        student: drives the rest of the time; None: the teacher drives alone.
+        config: seed, disturbance, shares and weights.
+        number: of the round, from 0.
     """
     random = np.random.default_rng([config.seed, number])
     count = config.arms
@@ -66,6 +71,6 @@ def run_rollout(
 
 
 def teacher_share(config: DAggerConfig, number: int) -> float:
-    """Return the share of the time in which the teacher drives: 1 in the first round, less in each one after it."""
+    """Return the share of the time that the teacher drives: 1 in round 0, `config.teacher_share` from the half on."""
     half = max(config.rounds // 2, 1)
     return 1.0 + (config.teacher_share - 1.0) * min(number / half, 1.0)

@@ -59,8 +59,8 @@ class Pupils(NamedTuple):
 class Teacher:
     """Torques for arms whose state and plant are known.
 
-    Between the plants of the grid, plans and gains are interpolated linearly. Torques that act late are those that the
-    plan has then.
+    Between the plants of the grid, plans and gains are interpolated linearly. Where motors are late, the torques are
+    those of the plan at the moment at which they act.
     """
 
     rescues = False  # it takes over arms that are far off their plans
@@ -165,7 +165,7 @@ class Bank(NamedTuple):
 
     @classmethod
     def of(cls, plans: Sequence[Plan], payloads: Sequence[float], stiffnesses: Sequence[float], tip: float) -> Bank:
-        """Stack plans, which come by lap, payload and stiffness, with regulators to which a deviation [m] is 1."""
+        """Stack plans, ordered by lap, payload and stiffness, and regulators that weigh a deviation `tip` [m] as 1."""
         gains = [PlanRegulator(plan, RegulatorWeights(tip=tip)).gains for plan in plans]
         columns = [plan.states for plan in plans], [plan.torques for plan in plans], gains
         shape = (len(LAPS), len(payloads), len(stiffnesses))
@@ -214,7 +214,11 @@ def plant(arm: ArmParameters, payload: float, stiffness: float) -> ArmParameters
 
 
 def read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
-    """Return the plan in a file, None if there is none; refuse one of another problem."""
+    """Return the plan in a file; None if there is none.
+
+    Raises:
+        ValueError: if it is the plan of another problem, or was made with other wishes.
+    """
     if not path.is_file():
         return None
     plan = Plan.load(path)

@@ -29,6 +29,14 @@ def tuned(kind: Any, environment: str) -> Values:
     """Return the tuned settings for an environment, by the names of the fields of a class of configurations.
 
     An id that the file lacks has the settings of `HOME`, without its curriculum.
+
+    Args:
+        kind: class of the configurations.
+        environment: id, checked.
+
+    Raises:
+        ModuleNotFoundError: without the package that reads the file, naming the extra.
+        ValueError: if the file lacks a setting, or has one that no field stands for.
     """
     files = _read(kind.algorithm)
     if environment in files:
@@ -37,7 +45,7 @@ def tuned(kind: Any, environment: str) -> Values:
 
 
 def settings_of(kind: Any, zoo: Mapping[str, Any]) -> Values:
-    """Read an environment's settings in rl-zoo's format; arguments and errors as of `tuned`."""
+    """Read an environment's settings in rl-zoo's format (`zoo`); the result and the errors are those of `tuned`."""
     flat: Values = {}
     for name, value in zoo.items():
         inner = _arguments(value) if name == "policy_kwargs" else value

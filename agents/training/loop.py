@@ -130,7 +130,12 @@ class Training(ABC):
 
 
 class Rounds(Training):
-    """A training in rounds, each of which ends with an evaluation and a checkpoint; so many are done."""
+    """A training in rounds, each of which ends with an evaluation and a checkpoint.
+
+    Attributes:
+        done: number of rounds so far.
+        round_steps: environment steps of a round.
+    """
 
     done: int
     round_steps: int

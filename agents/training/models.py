@@ -28,9 +28,13 @@ _OF_THE_ENVIRONMENT = ("n_timesteps", "n_envs", "env_kwargs.max_episode_steps")
 
 
 def value_first(schedule: LinearSchedule, level: float, share: float, left: float) -> float:
-    """Return a learning rate by the share of a training that is left.
+    """Return a learning rate: constant while the value learns alone, then that of a schedule.
 
-    It has a level of its own in the share in which the value learns alone, before the schedule begins.
+    Args:
+        schedule: learning rate by the share that is left of the training after that.
+        level: learning rate while the value learns alone.
+        share: share of the training in which it does.
+        left: share of the training that is left.
     """
     rest = left / (1.0 - share)
     return level if rest >= 1.0 - ROUNDING else schedule(rest)
@@ -93,7 +97,7 @@ def _observed(config: RewardConfig) -> dict[str, Any]:
 
 
 def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
-    """Put what the configuration has in front of the network over a batch.
+    """Wrap a batch for stable-baselines3, with the configuration's encoder if it has one.
 
     Within a curriculum, the observation space is that of the environment of the score; observations may exceed it.
     """

@@ -43,7 +43,11 @@ class RunFolder:
         self.logs = self.path / "tensorboard"
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
-        """Make the folder for a new training, which may hold nothing yet."""
+        """Make the folder for a new training, with its configuration and versions.
+
+        Raises:
+            FileExistsError: if the folder holds anything but unfinished files.
+        """
         if self.path.exists() and (
             not self.path.is_dir() or any(not is_unfinished(one) for one in self.path.iterdir())
         ):
@@ -73,7 +77,12 @@ class RunFolder:
                 self.begin(config, versions)
 
     def read_config(self, kind: type[Config]) -> Config:
-        """Read the configuration of the training in the folder."""
+        """Read the configuration of the training in the folder.
+
+        Raises:
+            FileNotFoundError: if there is no training in it.
+            ValueError: if the file is not a configuration of this class.
+        """
         if not self.config.is_file():
             raise FileNotFoundError(f"folder = {self.path}: holds no {self.config.name}, so there is no training in it")
         try:
@@ -113,7 +122,7 @@ def _flat(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> None:
-    """Write a file atomically."""
+    """Write a checkpoint, which holds the configuration and a state; the file is complete or absent."""
 
     def write(aside: Path) -> None:
         with zipfile.ZipFile(aside, "w") as file:
@@ -124,7 +133,12 @@ def write_checkpoint(path: Path, config: RunConfig, state: dict[str, Any]) -> No
 
 
 def read_checkpoint(path: Path, config: RunConfig) -> dict[str, Any]:
-    """Read the state in a checkpoint, which must be from a source that you trust: reading it can execute code."""
+    """Read the state in a checkpoint, which must be from a source that you trust: reading it can execute code.
+
+    Raises:
+        FileNotFoundError: if there is none.
+        ValueError: if it is damaged, of another version, or of a training with another configuration.
+    """
     with path.open("rb") as stream:  # errors of opening are others than those of reading
         try:
             with zipfile.ZipFile(stream) as file:

@@ -19,7 +19,7 @@ from flexarm_env.validation import shown
 
 
 def check_curriculum(config: RunConfig) -> None:
-    """Check that training and score have the same observation and action."""
+    """Check that training and score have the same observation and action; else raise a `ValueError`."""
     changed = config.curriculum_options
     if changed and not _alike(config.environment, config.options, config.options | changed):
         raise ValueError(
@@ -28,7 +28,15 @@ def check_curriculum(config: RunConfig) -> None:
 
 
 def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
-    """Load the policy whose network a training begins with, or goes on from in its folder; None: an untrained one."""
+    """Load the policy whose network a training begins with, from the copy in its folder if there is one.
+
+    Returns:
+        The policy; None: the network begins untrained.
+
+    Raises:
+        FileNotFoundError: if there is no such policy.
+        ValueError: if its network, or what it was trained on, does not fit the configuration.
+    """
     if config.initial_policy is None:
         return None
     trained = load_policy(run.initial if run.initial.is_file() else config.initial_policy)

@@ -31,13 +31,13 @@ DAMPING = 0.3  # [m/rad]; of the joints' correction, so that the straight arm ha
 
 
 class FlexibleMotion(NamedTuple):
-    """A motion of the arm at n instants, and what it takes.
+    """A motion of the arm at n instants, and the torques that it takes.
 
     Attributes:
         states: Shape (n, 4 + 4 m).
         torques: of shoulder and elbow at each instant [N m]. Shape (n, 2).
-        residual: largest force on a mode that is left without a cause, as a torque about the link's root [N m]: what
-            was too quick for the filter.
+        residual: largest force on a mode that the motion needs and no motor exerts, as a torque about the link's root
+            [N m]: the part that was too quick for the filter.
     """
 
     states: Floats
@@ -92,7 +92,7 @@ def first_free_vibration(arm: FlexibleArm) -> float:
 
 
 def _forces(arm: FlexibleArm, q: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return rates, and the generalised forces that a motion needs beside those of the links. Shape (n, 2 + 2 m) each.
+    """Return rates, and the generalised forces that a motion needs beside the links' own. Shape (n, 2 + 2 m) each.
 
     The forces on the joints are the motors' torques [N m].
     """

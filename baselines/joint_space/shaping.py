@@ -80,14 +80,14 @@ def residual(train: Impulses, frequency: ArrayLike, damping: float = 0.0) -> Flo
 
 @dataclass(frozen=True)
 class ShapedReference:
-    """A reference convolved with impulses and with a window; the lap's path is known, so that neither need lag.
+    """A reference convolved with impulses and with a window; the lap's path is known, so that the result need not lag.
 
     Attributes:
         path: the reference; it rests before time 0 and laps follow each other.
         train: impulses.
         window: width of the rectangular window [s]; 0: none.
-        lead: by how much the shaped reference is ahead of the causal one [s]; `centre` centres the shape on the
-            reference, 0 begins from rest with it.
+        lead: by how much the shaped reference is ahead of the causal one [s]; with `centre` the shape is centred on the
+            reference, with 0 it leaves its rest when the reference does.
         times: how often the window is applied: twice bounds the acceleration, three times makes it continuous.
     """
 
@@ -98,7 +98,7 @@ class ShapedReference:
     times: int = 2
 
     def __post_init__(self) -> None:
-        """Refuse a window or a lead that is none."""
+        """Check the numbers, and that the shape is no wider than a lap."""
         number("window", self.window, "s", least=0.0)
         number("lead", self.lead, "s", least=0.0)
         integer("times", self.times, 2, MOST_TIMES)
@@ -132,7 +132,7 @@ class ShapedReference:
         return np.einsum("...ki,k->...i", self._windowed(moments, order), self.train.amplitudes)
 
     def _windowed(self, time: Floats, order: int) -> Floats:
-        """Convolve with the window: differences of the polyline's exact integral, as often integrated as there are."""
+        """Convolve with the window, as differences of order `times` of the polyline's exact `times`-fold integral."""
         if self.window == 0.0:
             return np.asarray(self._line(time, order))
         integral = self._integral
@@ -153,7 +153,7 @@ class ShapedReference:
 
     @cached_property
     def _integral(self) -> PPoly:
-        """Its integral, as often as the window is applied; constants drop out, and are made small to round little."""
+        """The polyline's `times`-fold integral; its constants, which drop out, are chosen so that little is rounded."""
         integral = self._line
         for _ in range(self.times):
             integral = integral.antiderivative()

@@ -30,7 +30,7 @@ from flexarm_env.validation import choice, integer, number, pair
 
 FINE = 5e-3  # [s]; grid on which motions are computed
 MARGIN = 1.0  # [s] of motion before and after what is used
-AT_REST = 0.05  # [rad/s]; joints that are slower rest
+AT_REST = 0.05  # [rad/s]; joints that are slower count as at rest
 FEEDFORWARDS = ("none", "rigid", "flexible")
 
 
@@ -106,7 +106,7 @@ class JointTracking(TorqueController):
     """Track a shaped reference in joint space, by the encoders alone.
 
     An arm at rest joins the motion by a polynomial from its joint angles to those of the reference, on the side on
-    which its elbow is; an arm that moves is taken to be on its way.
+    which its elbow is; an arm that moves is taken to follow the motion already.
 
     Attributes:
         shape: how the reference is shaped.
@@ -123,7 +123,7 @@ class JointTracking(TorqueController):
         feedforward: Literal["none", "rigid", "flexible"] = "flexible",
         feedback: JointFeedback | None = None,
     ) -> None:
-        """Design the motion of a lap that goes on; those of starts from rest follow when they are met.
+        """Prepare the shaped reference and the filters; `start` designs each motion that an arm is the first to need.
 
         Args:
             task: see `Task`.
@@ -189,10 +189,10 @@ class JointTracking(TorqueController):
 
         Args:
             side: side of the elbow, the sign of theta2.
-            period: control period of the lap in which the arm starts from rest; None: it is on its way.
+            period: control period of the lap in which the arm starts from rest; None: it follows the motion already.
 
         Returns:
-            The targets; of a start, up to the period before it in the next lap.
+            The targets of each period of the lap; those before the period of a start are of the next lap.
         """
         begun, size = 0 if period is None else period, self.arm.size
         states, torques = self.motion(side, period)

@@ -1,4 +1,4 @@
-"""`AdaptiveLQG`: LQG that finds out payload, stiffness, damping, and how late the sensor and the motors are.
+"""`AdaptiveLQG`: LQG that estimates payload, stiffness, damping, and how late the sensor and the motors are.
 
 Sources: Ljung, IEEE Trans. Automatic Control 24, 1979 (joint estimation of state and parameters); Friedland, IEEE
 Trans. Automatic Control 14, 1969 (a filter for the state and one for a constant beside it: how late the motors are);
@@ -25,8 +25,8 @@ from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
 
-# Encoders count for little, their rates for hardly anything: fast vibrations, which no model has right, would else
-# pass for payload at the first moves.
+# Encoders are trusted little, and their rates hardly at all: at the first moves the filter would else take fast
+# vibrations, which no model has right, for payload.
 NOISE = NoiseModel(joint_angle=3e-3, joint_rate=3.0, tip=0.01, torque=(5.0, 2.0), modal_force=3e-4)
 
 
@@ -36,8 +36,8 @@ class Unknown(NamedTuple):
     Attributes:
         deviation: standard deviation before an episode.
         drift: how far it may wander in a second, as a share of that.
-        least: estimates stay above.
-        most: estimates stay below.
+        least: smallest estimate.
+        most: largest estimate.
     """
 
     deviation: float
@@ -74,15 +74,15 @@ class Hypothesis(NamedTuple):
     late: float
 
 
-# The first is believed before anything is read. A filter that began far off may settle on an arm which is not there:
-# one without payload, with more damping and later motors, in the place of a heavy one.
+# The first is believed before anything is read. A filter that begins far off may settle on wrong values: no payload,
+# more damping and later motors where the payload is heavy.
 HYPOTHESES = (Hypothesis(0.3, 0.9, 4e-3), Hypothesis(0.8, 0.9, 4e-3), Hypothesis(0.0, 1.0, 0.0))
-MEMORY = 0.97  # share of a period's doubt that is left after the next
+MEMORY = 0.97  # share that is kept from period to period of the doubt, a sum of normalised squared innovations
 MARGIN = 10.0  # by which another hypothesis must be less in doubt than the one believed
 
 
 class Beliefs(NamedTuple):
-    """What the filters of the bank think, n arms times the hypotheses.
+    """Estimates of the filters of the bank, n arms times h hypotheses.
 
     Attributes:
         estimate: z of `FilterTables`. Shape (n, h, d), or (n h, d).
@@ -109,9 +109,9 @@ class AdaptiveLQG(LQG):
     """LQG for an arm, a sensor and motors that differ from what is published.
 
     It has plans, filters and regulators for a grid of payloads and stiffnesses. A filter estimates these with the
-    state, with damping and the sensor's delay; it goes by the tables nearest to its own estimates, which
-    reckon with what is left to first order. A second filter estimates how late the motors are. A bank of such pairs
-    begins with other values each; the arm is driven by the one whose innovations are the least.
+    state, damping and the sensor's delay; it uses the tables of the node nearest to its estimates, which account for
+    the rest to first order. A second filter estimates how late the motors are. The pairs of a bank begin with different
+    values; the arm is driven by the pair whose innovations are smallest, with hysteresis (`least_in_doubt`).
 
     Attributes:
         filter: tables of all nodes of the grid, for each of these those of all plans.
@@ -137,9 +137,9 @@ class AdaptiveLQG(LQG):
             plans: see `PlanController`.
             weights: of the regulators.
             noise: standard deviations that the filters assume.
-            payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED`.
+            payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED` where the payload changes on the way.
             stiffnesses: factors on the links' stiffness of the grid.
-            late: how late the regulators take the motors to be [s].
+            late: delay of the motors for which the regulators are designed [s].
         """
         PlanController.__init__(self, task, plans)
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)

@@ -25,7 +25,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
 
 # Encoders and gauges see vibrations of 70 Hz and more that no model integrates well, so that rates are trusted little.
-# Noise on the torques, more than there is, is that of loop transfer recovery. It is quick where the model is right.
+# Noise on the torques, more than there is, gives loop transfer recovery. This filter is quick where the model is right.
 QUICK = NoiseModel(
     joint_angle=3e-4, joint_rate=0.1, tip=0.01, gauge=0.02, gauge_rate=3.0, torque=(10.0, 4.0), modal_force=1e-3
 )
@@ -47,7 +47,7 @@ class LQG(PlanController):
         filter: see `FilterTables`.
         regulator: see `RegulatorTables`.
         late: share of a control period after which torques act.
-        integrates: it has integral action.
+        integrates: whether it has integral action.
     """
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase")
@@ -71,11 +71,14 @@ class LQG(PlanController):
             model: arm that filter and regulator are designed for; None: the task's.
             weights: of the regulator.
             noise: standard deviations that the filter assumes.
-            delay: "known": the task's; "ignored": the filter takes the late tip for the present one; or another one
-                that it reckons with [s].
-            feed_forward: the plan's torques act; else feedback alone keeps the arm near the plan.
+            delay: "known": the task's; "ignored": the filter takes the late tip for the present one; or the delay that
+                the filter assumes [s].
+            feed_forward: whether the plan's torques act; without them feedback alone keeps the arm near the plan.
             integral: integral of the late tip's deviation that weighs as much as the deviations of the weights do
                 [m s]; None: no integral action.
+
+        Raises:
+            ValueError: if torques act later than a control period, or as in `PlanController`.
         """
         super().__init__(task, plans)
         arm = FlexibleArm(task.arm) if model is None else model

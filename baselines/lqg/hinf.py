@@ -1,8 +1,8 @@
 """`HInfinityLQG`: the central H-infinity controller along the plan, which reckons with the worst disturbance.
 
-A disturbance that plays against the controller has a budget; gamma is the least ratio of cost to budget that the
-controller can guarantee. At the optimum the estimate is pulled towards states that cost more, and both Riccati
-recursions have a term in 1 / gamma^2. With an infinite gamma it is LQG. Sources: Whittle, *Risk-sensitive optimal
+A disturbance that plays against the controller has a budget; the controller guarantees that the cost is at most gamma^2
+times the budget. At the optimum the estimate is pulled towards states that cost more, and both Riccati recursions have
+a term in 1 / gamma^2. With an infinite gamma it is LQG. Sources: Whittle, *Risk-sensitive optimal
 control*, 1990, chapters 7, 8; Basar and Bernhard, *H-infinity-optimal control*, 1995, chapters 3, 6 (discrete time).
 """
 
@@ -99,7 +99,7 @@ class Game(NamedTuple):
         """Solve the filter's recursion forward.
 
         Returns:
-            What the filter doubts before and after each correction, Shape (l, n, d, d) each, and gains on r readings,
+            Covariances before and after each correction, Shape (l, n, d, d) each, and gains on r readings,
             Shape (l, n, d, r); None: gamma cannot be guaranteed.
         """
         doubt, eye = self.start, np.eye(self.kalman.size)
@@ -188,7 +188,14 @@ class HInfinityLQG(LQG):
 
 
 def least_gamma(game: Game, low: float = 1.0, high: float = 1e5, digits: float = 1e-2) -> float:
-    """Return the least gamma that a controller guarantees, by bisection of its logarithm."""
+    """Return the least gamma that a controller guarantees, by bisection of its logarithm.
+
+    Args:
+        game: the game.
+        low: a gamma that no controller guarantees; not checked.
+        high: a gamma that a controller guarantees; not checked.
+        digits: relative accuracy.
+    """
     while high / low > 1.0 + digits:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if game.solved(middle) else (middle, high)
@@ -196,5 +203,5 @@ def least_gamma(game: Game, low: float = 1.0, high: float = 1e5, digits: float =
 
 
 def _radius(one: Floats, other: Floats) -> float:
-    """Return the largest eigenvalue of products of two matrices, none of which has a negative one."""
+    """Return the largest eigenvalue of the products of two tables of symmetric, positive semidefinite matrices."""
     return float(np.abs(np.linalg.eigvals(one @ other)).max())

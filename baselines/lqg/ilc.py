@@ -1,4 +1,4 @@
-"""Iterative learning: after each lap, the plan becomes what the arm did, less what the next lap can do about the error.
+"""Iterative learning: the plan of the next lap is what the arm did on the last one, corrected for its error.
 
 Norm-optimal iterative learning control minimises the error that the model predicts for the next lap and the change of
 the torques. Its solution is a Riccati recursion: that of the regulator, with the last lap's error as a linear cost.

@@ -35,10 +35,11 @@ class InertialLQG(LQG):
     """LQG from encoders, the late tip, and an IMU at the tip of link 2.
 
     Attributes:
+        before: torques of the plan that act before each instant [N m]. Shape (l, N, 2).
         gain: on the IMU's residual, before the other readings correct. Shape (l, N, d, 3).
         expected: what the IMU reads on the plan [m/s^2, rad/s]. Shape (l, N, 3).
         by_state: its derivatives. Shape (l, N, 3, s).
-        by_torque: by the torques of the period before. Shape (l, N, 3, 2).
+        by_torque: its derivatives by those torques. Shape (l, N, 3, 2).
     """
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, *IMU, "lap_phase")
@@ -119,8 +120,8 @@ def readings_along(arm: FlexibleArm, states: Floats, torques: Floats) -> tuple[F
         torques: that act [N m]. Shape (..., 2).
 
     Returns:
-        Specific force along and across the tangent [m/s^2] and its rate [rad/s], Shape (..., 3), and the derivatives,
-        Shape (..., 3, 4 + 4 m) and (..., 3, 2).
+        Specific force along and across the tangent [m/s^2] and the tangent's angular rate [rad/s], Shape (..., 3), and
+        the derivatives, Shape (..., 3, 4 + 4 m) and (..., 3, 2).
     """
 
     def slopes(steps: Floats) -> Floats:

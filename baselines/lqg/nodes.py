@@ -16,8 +16,8 @@ from flexarm_env.simulation.arm import FlexibleArm
 NAMES = ("payload_mass", "stiffness")
 LONGEST = (0.25, 0.25)  # of a step towards another arm: [kg], [1]
 BEND = 0.9  # [m]; of a link's tip off its root tangent; an episode ends at 1.5
-EXCESS = 0.05  # [m]; beyond that, what weighs as much as the deviations of `RegulatorWeights` do
-EASINGS = 4
+EXCESS = 0.05  # [m]; deflection beyond `BEND` that weighs as much as the deviations of `RegulatorWeights` do
+EASINGS = 4  # most steps of `Node.eased`
 
 
 class Node(NamedTuple):
@@ -26,7 +26,7 @@ class Node(NamedTuple):
     Attributes:
         values: payload [kg], and the factor on the stiffness of both links. Shape (2,).
         plan: the plan; its `parameters` are those of the arm that it began with.
-        problem: deviations from it.
+        problem: linear-quadratic problem of the deviations from it.
     """
 
     values: Floats
@@ -45,8 +45,8 @@ class Node(NamedTuple):
     def towards(self, values: Floats, arm: FlexibleArm, weights: RegulatorWeights) -> Node:
         """Make the node of other values.
 
-        Each step towards them is one of Gauss and Newton's: a regulator that knows the change ahead drives the arm so
-        changed. What it does is a motion of that arm, and close to the best one.
+        Each step towards them is one of Gauss and Newton's: a regulator that is given the change drives the changed
+        arm. The result is a motion of that arm, and close to its best one.
         """
         count = int(np.ceil(np.max(np.abs(values - self.values) / LONGEST) - 1e-9))
         node = self
@@ -90,7 +90,7 @@ def grid(
 ) -> list[Node]:
     """Make the nodes of a grid, from the plan for the arm's own payload and stiffness.
 
-    Plans of other values are eased: who goes by them has just begun to find out what the arm is, and bends it further.
+    Plans of other values are eased (`Node.eased`): a controller on them is still estimating the arm, and bends it more.
 
     Args:
         plan: the plan.

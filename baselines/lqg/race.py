@@ -50,7 +50,7 @@ class RaceLQG(LQG):
             **design: see `LQG`.
 
         Raises:
-            ValueError: if it is no race along the plan's path, at its control period, with its torques.
+            ValueError: if it is no race of the plan's arm along its path, at its control period, within its torques.
         """
         plan, settings = race_plan() if plan is None else plan, env_attribute(env, "settings")
         time = plan.period * np.arange(len(plan.states))

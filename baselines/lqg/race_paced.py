@@ -42,7 +42,7 @@ class Paced(PlanController):
     Attributes:
         ways: how far the reference is at each instant of the plan [m]. Shape (N + 1,).
         speed: largest speed of the reference [m/s].
-        change: by which it changes at most in a control period [m/s].
+        change: largest change of the reference's speed in a control period [m/s].
     """
 
     blocks: ClassVar[tuple[str, ...]] = SENSORS
@@ -99,8 +99,8 @@ class Paced(PlanController):
 class PacedLQG(Paced, LQG):
     """`LQG` along the plan of a race that waits for the tip.
 
-    A memory has, behind that of the controller, the plan's instant in periods, how far the reference is [m], and its
-    speed [m/s]. Shape (n,) each.
+    Its memory is that of the controller without a pace, then the plan's instant in periods, how far the reference is
+    [m], and its speed [m/s]. Shape (n,) each.
     """
 
     @cached_property
@@ -123,7 +123,7 @@ class PacedLQG(Paced, LQG):
         return np.column_stack([torque, share]), (*after, instants, way, speed)
 
     def expected(self, after: Memory) -> Floats:
-        """Return what is believed of the next instant, by a memory of it: z of `FilterTables`. Shape (n, d)."""
+        """Return the estimate for the next instant, z of `FilterTables`, from the memory of it. Shape (n, d)."""
         return after[0]
 
     def pace(self, instants: Floats, way: Floats, torque: Floats, after: Memory) -> Floats:
@@ -151,5 +151,5 @@ class PacedAdaptiveLQG(PacedLQG, AdaptiveLQG):
     """`AdaptiveLQG` at a pace."""
 
     def expected(self, after: Memory) -> Floats:
-        """Return what the believed filter thinks; see `AdaptiveLQG`."""
+        """Return the estimate of the hypothesis that each arm goes by; see `AdaptiveLQG`. Shape (n, d)."""
         return after[0][np.arange(len(after[7])), after[7].astype(np.int64)]

@@ -1,4 +1,4 @@
-"""What a Kalman filter and a regulator along plans come to: tables of matrices, computed once.
+"""A Kalman filter and a regulator along plans as tables of matrices, computed once.
 
 The filter is `KalmanFilter` linearised along a plan. Its covariance does not depend on what is read, so that its gains
 are computed beforehand (Anderson and Moore, *Optimal Filtering*, 1979, chapter 3), and what is left to do in a control
@@ -24,7 +24,7 @@ Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) e
 
 
 def joined(tables: Sequence[Any], dtype: Any = np.float32) -> Any:
-    """Put tables behind each other, in less memory."""
+    """Concatenate the tables of several sets of plans, by default in single precision, which halves the memory."""
     kind, names = type(tables[0]), [one.name for one in fields(tables[0]) if one.name != "rows"]
     parts = {name: np.concatenate([getattr(one, name) for one in tables]).astype(dtype) for name in names}
     return kind(**parts, **({"rows": tables[0].rows} if hasattr(tables[0], "rows") else {}))
@@ -43,8 +43,8 @@ class FilterTables:
         by_torque: its derivatives by torques that act for the whole period. Shape (l, N, s + 2, 2).
         by_half: its derivatives by torques that act for the second half. Shape (l, N, s + 2, 2).
         torque: the plan's [N m]. Shape (l, N, 2).
-        after: what is moved of the filter's model that is on the plan; on the plan if that is the model's own.
-            Shape (l, N, s + 2).
+        after: what is moved, at the end of a period that the filter's model begins on the plan; on the plan again if it
+            is made for that model. Shape (l, N, s + 2).
         gain: on the residuals of r readings. Shape (l, N, d, r).
         information: inverse of the covariance of the residuals. Shape (l, N, r, r).
         rows: place in z of each reading. Shape (r,).
@@ -67,7 +67,7 @@ class FilterTables:
         Args:
             kalman: the filter.
             plans: as long as each other.
-            gauges: there are strain gauges.
+            gauges: whether there are strain gauges.
             **values: quantities that are not the filter's own, see `KalmanFilter.linearise`.
         """
         count, periods = len(plans), len(plans[0].torques)
@@ -130,7 +130,7 @@ class FilterTables:
         return self._next(estimate, moved + (1.0 - late) * (linear + (1.0 - late) * square))
 
     def by_lateness(self, at: Place, slope: Floats, before: Floats, torque: Floats, late: Floats) -> Floats:
-        """Return the derivative of `predict` by the share after which torques act, on and on. Shape (n, d).
+        """Return the derivative of `predict` by the share after which torques act in all periods so far. Shape (n, d).
 
         Args:
             at: see `predict`.
@@ -144,9 +144,9 @@ class FilterTables:
         return self._next(slope, moved - linear - 2.0 * (1.0 - late) * square)
 
     def _by_change(self, at: Place, change: Floats) -> tuple[Floats, Floats]:
-        """Return what a change of the torques does, linear and square in the share of the period in which it acts.
+        """Return the effect of a change of the torques, linear and square in the share of the period in which it acts.
 
-        It is exact for none, half and all of the period.
+        Their sum is exact for none, half and all of the period.
         """
         whole, half = product(self.by_torque[at], change), product(self.by_half[at], change)
         return 4.0 * half - whole, 2.0 * whole - 4.0 * half
@@ -174,7 +174,7 @@ def _by_half(
     half = 0.5 * kalman.period
     arm = {name: value for name, value in values.items() if name != "delay"}
     middle = kalman.arm.step(*flat, half, **arm)
-    found = 0.5 * along.by_torque[..., moved, :]  # the tip's point of within the period: on average
+    found = 0.5 * along.by_torque[..., moved, :]  # the tip's point within the period: on average
     own = kalman.arm.step_jacobians(middle, flat[1], half, **arm).by_torque
     found[..., : len(moved) - 2, :] = own.reshape(*found.shape[:2], *own.shape[1:])
     return found
@@ -210,7 +210,7 @@ class RegulatorTables:
             late: share of a period after which torques act.
             integral: integral of the tip's deviation that weighs as much as the deviations of the weights do [m s];
                 None: no integral action.
-            feed_forward: the plans' torques act.
+            feed_forward: whether the plans' torques act.
         """
         problems = [problem.with_actuation_delay(late) for problem in problems]
         if integral is not None:

@@ -28,7 +28,7 @@ from flexarm_env.validation import choice, number
 
 OF_THE_ARM = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
 ESTIMABLE = (*OF_THE_ARM, "delay")
-# An estimate stays within, wherever a plant that differs in more than these would drive it.
+# Estimates are clipped to these; a plant that differs from the model in other ways would else drive them farther.
 RANGES = {"payload_mass": (0.0, 1.5), "stiffness": (0.7, 1.4), "damping": (0.0, 0.1), "delay": (0.0, 0.15)}
 SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
 
@@ -152,7 +152,7 @@ class KalmanFilter:
         return dict(zip(self.quantities, columns, strict=True))
 
     def told(self, estimate: Estimate, **values: Any) -> Estimate:
-        """Return estimates with quantities that are known from elsewhere. Shape (n,) each."""
+        """Put values known from elsewhere, clipped to `RANGES`, in the place of estimated ones. Shape (n,) each."""
         mean = estimate.mean.copy()
         for name, value in values.items():
             mean[:, self._states + self.quantities.index(name)] = np.clip(value, *RANGES[name])
@@ -171,6 +171,9 @@ class KalmanFilter:
         Args:
             state: estimated states. Shape (n, 4 + 4 m).
             **values: estimates of quantities that differ from the filter's own. Shape (n,) each.
+
+        Raises:
+            ValueError: if the states have another shape.
         """
         states = np.atleast_2d(np.asarray(state, dtype=np.float64))
         if states.ndim != 2 or states.shape[1] != self._states:
@@ -266,6 +269,9 @@ class KalmanFilter:
         Args:
             estimate: predicted for the instant of the readings.
             readings: readings of the same arms.
+
+        Raises:
+            ValueError: if they are of other arms, or not as many as the sensors'.
         """
         parts = [readings.joints, readings.tip, *([] if readings.gauges is None else [readings.gauges])]
         rows, _ = self.sensors(readings.gauges is not None)
@@ -281,10 +287,10 @@ class KalmanFilter:
         return Estimate(mean, covariance), Innovation(residual, expected, there.sum(axis=1).astype(np.float64))
 
     def sensors(self, gauges: bool = False) -> tuple[list[int], Floats]:
-        """Return where an estimate has what is read, in the order of `Readings`, and the readings' deviations.
+        """Return where an estimate has what is read, in the order of `Readings`, and the readings' standard deviations.
 
         Args:
-            gauges: there are strain gauges.
+            gauges: whether there are strain gauges.
         """
         noise = self.noise
         rows = self._joints + self._reading
@@ -295,7 +301,7 @@ class KalmanFilter:
         return rows, np.array(deviations)
 
     def gain(self, covariance: Floats, there: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return what a correction by readings comes to.
+        """Return the gain and the covariances of a correction by readings.
 
         Args:
             covariance: before it. Shape (n, d, d).

@@ -50,7 +50,7 @@ AGGRESSIVE = RegulatorWeights(speed=0.1, torque=(60.0, 20.0))
 
 @dataclass(frozen=True)
 class LinearQuadratic:
-    """Deviations z from a plan over n control periods, and what they cost: z' Q z and torques by their deviations.
+    """Deviations z from a plan over n control periods, and their cost: z' Q z, and torques' deviations over `torque`.
 
     Attributes:
         by_state: derivatives of the next z by z. Shape (n, d, d).
@@ -143,7 +143,7 @@ class LinearQuadratic:
         """Return changes of the torques, Shape (n, 2), and gains, as `gains` does, if z has a linear cost as well.
 
         Args:
-            gradient: of the cost by z, at each instant. Shape (n + 1, d).
+            gradient: of the linear cost, which is added to half the quadratic one, at each instant. Shape (n + 1, d).
         """
         more, size = round(ENDURING / self.period), self.by_torque.shape[1]
         count = len(self.by_torque)

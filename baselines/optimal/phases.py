@@ -31,8 +31,8 @@ def plan_phases(
 ) -> Plan:
     """Plan a lap from rest on which the payload changes.
 
-    Each stretch begins in the state in which the one before ends: the mass arrives with the tip's velocity. What a
-    stretch does is not made for the sake of those after it, so that changes should fall into rests.
+    Each stretch begins in the state in which the one before ends: the mass arrives with the tip's velocity. A stretch
+    does not prepare for those after it, so that changes should fall into rests.
 
     Args:
         arm: the arm, with the payload of the stretches whose own is NaN.

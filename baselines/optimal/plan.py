@@ -38,8 +38,8 @@ class Plan:
         period: control period [s].
         step: of the integration [s].
         notes: anything plain (JSON): weights, starts, the solver's log, scores.
-        payloads: what the tip carries in each period [kg]; NaN: what the arm does, or the episode; None: that
-            throughout. Such a plan has no file. Shape (n,).
+        payloads: what the tip carries in each period [kg], NaN: the arm's or the episode's own payload; None: its own
+            throughout. A plan with payloads has no file. Shape (n,).
     """
 
     parameters: ArmParameters
@@ -142,6 +142,9 @@ class Plan:
         Args:
             path: path of the file.
             run: write the states; otherwise the first one, from which `load` runs the torques again.
+
+        Raises:
+            ValueError: if the plan has payloads.
         """
         if self.payloads is not None:
             raise ValueError("payloads: a plan with changes of the payload has no file")

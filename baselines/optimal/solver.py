@@ -66,7 +66,7 @@ class Iteration(NamedTuple):
             within their limits for each unit of their r.m.s. change, as a share of the limits (the norm of the
             projected gradient).
         step_length: alpha that led to it; 0 where none did.
-        regularisation: of the sweep that led to it [1].
+        regularisation: of the sweep that led to it, as `REGULARISATION` [m^2].
     """
 
     cost: float
@@ -84,7 +84,7 @@ class Solution(NamedTuple):
 
     Attributes:
         run: states and torques.
-        gains: on the state and on the torque of the period before, of the last search. Shape (n, 2, 6 + 4 m).
+        gains: on the state and on the torque of the period before, of the last sweep. Shape (n, 2, 6 + 4 m).
         log: of each iteration, the start first.
         converged: whether the residual of optimality met the tolerance.
     """

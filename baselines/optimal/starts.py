@@ -54,6 +54,9 @@ def joint_path(problem: TrackingProblem, branches: Sequence[Branch]) -> Floats:
     Args:
         problem: with the reference.
         branches: in the order of time; the first counts from the start on.
+
+    Raises:
+        ValueError: if there is no branch, their times do not increase, or an entry is not allowed.
     """
     if not branches:
         raise ValueError("branches: must hold one at least")

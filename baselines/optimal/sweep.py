@@ -29,7 +29,7 @@ def sweep(
     regularisation: Floats | None = None,
     beyond: CostToGo | None = None,
 ) -> Sweep:
-    """Minimise the model's cost over the torques, of each run for itself.
+    """Minimise the cost of the quadratic model over the torques, for each run by itself.
 
     Args:
         model: the model.

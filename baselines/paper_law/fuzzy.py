@@ -69,6 +69,9 @@ class MamdaniSystem:
 
         Returns:
             Centroids, shape ``(...)``, in the output's unit. A row's bits do not depend on the other rows.
+
+        Raises:
+            ValueError: another shape, or an input that is not finite.
         """
         x = np.asarray(inputs, dtype=np.float64)
         if x.ndim == 0 or x.shape[-1] != len(self.inputs):

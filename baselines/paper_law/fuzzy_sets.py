@@ -89,7 +89,11 @@ class FuzzyVariable:
                 )
 
     def check_order(self) -> None:
-        """Check that the sets are listed from left to right, so that one sweep finds their union."""
+        """Check that the sets are listed from left to right, so that one sweep finds their union.
+
+        Raises:
+            ValueError: a left end or a peak lies left of that of the set before.
+        """
         for corner, values in zip(("left", "peak"), self.corners[:, :2].T, strict=True):
             if np.any(np.diff(values) < 0.0):
                 raise ValueError(f"{corner} of {self.name}'s sets = {values.tolist()}: must not step back")

@@ -2,7 +2,7 @@
 
 A prediction has, beside states and torques, the plan's instants, which grow by the *pace* in each control period. The
 pace is an input like the torques. A period costs the square of the tip's distance from the plan's reference at its
-instant, more beyond `ROOM`, and pays `price` for each of the plan's periods that it gains. What follows the horizon is
+instant, more beyond `ROOM`, and `price` less for each of the plan's periods that it gains. What follows the horizon is
 the cost-to-go along the plan, about its state at the prediction's last instant.
 
 Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari, Optimal
@@ -22,9 +22,9 @@ from flexarm_baselines.optimal.sweep import CostToGo, sweep
 from flexarm_baselines.predictive.iteration import ALPHAS, Instant, RealTimeIteration
 from flexarm_env.simulation.feedback import Rollout
 
-ROOM = 0.1  # [m]; distance of the tip from which it costs more
-STEEP = 30.0  # so many times
-EVEN = 1e-3  # of the square of what the pace is off the plan's own, as a squared distance during a period [m^2]
+ROOM = 0.1  # [m]; distance of the tip beyond which the square of the rest is added to the cost
+STEEP = 30.0  # weight of that square, as a multiple of the weight on the squared distance
+EVEN = 1e-3  # [m^2]; weight on the square of the pace's deviation from 1, as the tip's squared distance during a period
 LEAST, MOST = 0.1, 2.0  # paces
 
 
@@ -54,7 +54,7 @@ class _Slopes(NamedTuple):
 class ContouringIteration(RealTimeIteration):
     """`RealTimeIteration` with the pace as a third input, about a single reference run."""
 
-    price: float  # of a period of progress, as a squared distance during a period [m^2]
+    price: float  # [m^2]; worth of a period of progress: the tip's squared distance that costs as much in a period
 
     def contoured(self, prediction: Prediction, now: Instant) -> Prediction:
         """Return better predictions; see `RealTimeIteration.improve`.

@@ -45,7 +45,7 @@ REFERENCES = ("plan", "path")
 
 
 class PredictiveController(PlanController):
-    """Real-time iterations about a reference run; what is known of the state is left to subclasses.
+    """Real-time iterations about a reference run; subclasses say what is believed of the state.
 
     Attributes:
         iteration: see `RealTimeIteration`.
@@ -176,8 +176,8 @@ class NMPC(PredictiveController):
         Args:
             task: see `Task`.
             noise: standard deviations that the filter assumes.
-            unknown: quantities that the filter estimates with the state, those of the arm for the model that predicts,
-                too, with their standard deviations; see `KalmanFilter`, e.g. `UNKNOWN`. None: none.
+            unknown: quantities that the filter estimates with the state, with their standard deviations, e.g.
+                `UNKNOWN`; see `KalmanFilter`. The model that predicts has those of the arm, too. None: none.
             drift: see `KalmanFilter`.
             **design: see `PredictiveController`.
         """
@@ -227,7 +227,7 @@ class GaugedNMPC(NMPC):
 
 
 class StampedNMPC(NMPC):
-    """`NMPC` that reads time stamps: its filter is told the sensor's delay, one of the `unknown` quantities."""
+    """`NMPC` that reads time stamps: they replace the delay, which must be one of the `unknown` quantities."""
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase", "reading_age")
 
@@ -240,7 +240,7 @@ class StampedNMPC(NMPC):
         return super().update(seen, self._told(seen, belief), run)
 
     def _told(self, seen: Seen, belief: Memory) -> Memory:
-        """Put the latest reading's age in the place of the estimated delay."""
+        """Put the latest reading's age in the place of the estimated delay; see `KalmanFilter.told`."""
         return (*self.filter.told(Estimate(*belief[:2]), delay=seen["reading_age"][:, 0]), *belief[2:])
 
 

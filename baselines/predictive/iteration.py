@@ -95,7 +95,7 @@ class RealTimeIteration:
 
     Attributes:
         model: the arm.
-        runs: of the plans that the predictions begin about.
+        runs: reference runs, about which the predictions begin.
         horizon: control periods, N.
         limits: largest torques [N m]. Shape (2,).
         damping: regularisation of the sweep, in units of a weight on changes of the torques [m^2].

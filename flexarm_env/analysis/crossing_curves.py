@@ -95,7 +95,13 @@ def _cells(loop: LawLoop, longest: float) -> _Cells:
 
 
 def _excess(loop: LawLoop, cells: _Cells, omega: Array) -> tuple[Array, Array]:
-    """Return the rest to a crossing, and the longer delay's phase [rad], at one frequency a cell. Shape (k,) each."""
+    """Return by how much each cell's phase is beyond a crossing's, and the longer delay's phase [rad]. Shape (k,) each.
+
+    Args:
+        loop: the loop.
+        cells: the cells.
+        omega: one frequency in each [rad/s]. Shape (k,).
+    """
     now = _phases(loop, omega)[np.arange(len(omega)), cells.branch]
     now = cells.phases + _wrapped(now - cells.phases)
     return now @ np.array([_share(loop), 1.0]) - cells.wanted, now[:, 0]

@@ -60,7 +60,7 @@ class GainCrossing:
 
 
 def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
-    """Find every delay up to a longest at which a root is on the imaginary axis, by delay.
+    """Find every delay up to a longest at which a root is on the imaginary axis, sorted by delay.
 
     Args:
         loop: the loop; its own delay plays no part, the ratio of its delays does.
@@ -75,7 +75,7 @@ def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
 
 
 def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
-    """Find every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor."""
+    """Find every factor on lambda at which a root is on the imaginary axis at the loop's delay, sorted by factor."""
     instance("loop", loop, LawLoop)
     omega = frequencies(loop)
     roots = _paired(_gain_roots(loop, omega))

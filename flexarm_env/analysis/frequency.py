@@ -21,7 +21,7 @@ class FrequencyResponse:
     Attributes:
         omega: [rad/s]. Shape (k,).
         values: output units per N m. Shape (k, outputs, inputs).
-        delays: of the outputs, in the values [s]. Shape (outputs,).
+        delays: delays of the outputs, which are part of the values [s]. Shape (outputs,).
     """
 
     omega: Array
@@ -35,7 +35,7 @@ class FrequencyResponse:
 
     @property
     def phase(self) -> Array:
-        """Unwrapped along the frequencies, but for the delays' part, which is exact [rad]. Shape as `magnitude`."""
+        """Phase [rad], unwrapped along the frequencies; the delays' part is added exactly. Shape as `magnitude`."""
         late = self.omega[:, None, None] * self.delays[:, None]
         return np.unwrap(np.angle(self.values * np.exp(1j * late)), axis=0) - late
 

@@ -163,7 +163,7 @@ def law_loop(
         reference: x, y [m]. Shape (2,).
         sensor: where the sensor is, what it sees, how late it is, and whether rates are late. Under a "collocated" one
             both readings have one delay, 0.
-        gain: lambda.
+        gain: lambda, > 0.
         law: Kp and Kd; default the paper's.
         elbow_branch: "positive" or "negative" theta2.
 
@@ -241,7 +241,7 @@ def _turned(length: float, distance: float, angles: Array, error: Array) -> Arra
 
 
 def _columns(size: int, traits: SensorTraits) -> tuple[Array, Array]:
-    """Which coordinates are late by the shoulder's delay, and which by the elbow's. Shape (size,) each."""
+    """Return which coordinates are late (1) by the shoulder's delay, and which by the elbow's. Shape (size,) each."""
     if traits.delays == "one":
         return np.ones(size), np.zeros(size)
     return np.eye(1, size)[0], np.eye(1, size, 1)[0]

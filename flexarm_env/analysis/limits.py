@@ -69,7 +69,7 @@ def sensitivity_peak(zero: float, bandwidth: float, tolerance: float) -> float:
     Args:
         zero: z > 0 [rad/s].
         bandwidth: omega_1 up to which errors are reduced [rad/s].
-        tolerance: epsilon to which they are reduced, below 1.
+        tolerance: epsilon to which they are reduced, > 0 and at most 1.
     """
     theta = 2.0 * np.arctan(
         number("bandwidth", bandwidth, "rad/s", above=0.0) / number("zero", zero, "rad/s", above=0.0)

@@ -7,7 +7,7 @@ From the torques to the collocated joint rates the linear resting arm is ``G(s) 
 
 because M, D and K are not negative: positive real for every arm, mode count and pose. A negative feedback of the joint
 rates through anything passive is therefore stable. Nothing of this survives a sensor that moves off the joint (B^T on
-the left becomes another matrix) or a delay (a factor exp(-s tau)).
+the left becomes another matrix) or a delay (a factor exp(-s T)).
 
 Source: Popov, *Hyperstability of control systems*, Springer (1973); Khalil, *Nonlinear systems*, ch. 6.
 """
@@ -93,6 +93,9 @@ def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
     Args:
         point: where the arm is.
         sensor: a rigid or true point of link 2.
+
+    Raises:
+        ValueError: for another sensor, or one off the link.
     """
     instance("point", point, OperatingPoint)
     instance("sensor", sensor, Sensor)

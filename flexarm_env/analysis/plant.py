@@ -83,7 +83,7 @@ class Plant:
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
-        """Select some inputs and outputs by name."""
+        """Select some inputs and outputs by name, None: all; or raise `ValueError` for none or an unknown one."""
         rows = _indices("outputs", self.outputs, outputs)
         columns = _indices("inputs", self.inputs, inputs)
         return replace(
@@ -130,7 +130,7 @@ class Plant:
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:
-        """Replace the delays by Pade models of an order, diagonal entry (order, order)."""
+        """Replace each delay by its diagonal Pade model, of numerator and denominator of an order from 1 to 12."""
         integer("order", order, 1, MAX_PADE)
         blocks = (_pade(float(delay), order) for delay in self.delays)
         late = [block_diag(*part) for part in zip(*blocks, strict=True)]
@@ -178,8 +178,8 @@ def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
     """Linearise the arm at a point, from both joints' torques to one sensor or several.
 
     Args:
-        point: see `OperatingPoint`; not an equilibrium: the linearisation holds for times in which the state hardly
-            moves.
+        point: see `OperatingPoint`; about one that is no equilibrium the linearisation holds only while the state
+            hardly moves.
         *sensors: their outputs, one after the other. Names that two of them share are completed by the sensor, "x of
             true point of link 2 at its tip", and by the delay where nothing else differs.
 

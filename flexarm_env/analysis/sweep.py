@@ -39,12 +39,12 @@ def frequencies(loop: LawLoop) -> Array:
 
 
 def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array:
-    """Return where conditions change, all at once: the roots come in batches.
+    """Return where conditions change, by bisection of all intervals at once. Shape (k,).
 
     Args:
         before: function of frequencies, one in each interval: whether the change is still ahead.
-        low: Shape (k,).
-        high: Shape (k,).
+        low: lower end of each interval. Shape (k,).
+        high: upper end of each interval. Shape (k,).
     """
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)

@@ -1,8 +1,8 @@
-"""What strain gauges tell of an arm: the modal coordinates whose deflection fits that of its links best.
+"""Modal coordinates from strain gauges: those whose deflection fits that of an arm's links best.
 
 Best means in the mean square over mass. On the arm whose coordinates they are, the fit gives these coordinates back.
-A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent. This is what
-strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it.
+A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent. It follows from
+what strain gauges measure (w'' is the curvature), and w'(L) is then the tip's angle, as in the models.
 """
 
 from __future__ import annotations
@@ -43,10 +43,14 @@ class ChainGauges:
     """
 
     def __init__(self, arm: FlexibleArm, segments: int) -> None:
-        """For the coordinates of a model, on a chain with so many segments a link.
+        """Compute the maps.
+
+        Args:
+            arm: the model whose modal coordinates are read.
+            segments: of each link of the chain.
 
         Raises:
-            ValueError: for fewer segments than the model's shapes can be told apart with.
+            ValueError: for too few segments to tell the model's shapes apart.
         """
         least = arm.parameters.modes_per_link + 2
         if segments < least:

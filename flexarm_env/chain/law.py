@@ -36,12 +36,12 @@ class TipLaw:
     """
 
     def __init__(self, chain: Chain, law: LawParameters, lengths: Pair) -> None:
-        """For a chain, with the step that its model has.
+        """Prepare the law for a chain, with the step of its model.
 
         Args:
             chain: integrated by semi-implicit Euler with implicit dampers ("Euler" or "implicitfast").
             law: gains and limits.
-            lengths: lengths of link 1, and of the controlled point from the elbow [m].
+            lengths: length of link 1, and distance of the controlled point from the elbow [m].
         """
         self.chain, self._law, self._lengths = chain, law, lengths
         count, elbow = chain.model.nv, chain.segments
@@ -58,7 +58,7 @@ class TipLaw:
         Args:
             gain: lambda.
             reference: position and velocity [m, m/s].
-            late: the joint angles that the law knows [rad].
+            late: the joint angles that the law reads [rad].
 
         Returns:
             The torques that acted [N m].
@@ -97,7 +97,7 @@ class TipLaw:
         )
 
     def _mobilities(self) -> Array:
-        """Accelerations by the forces of the step's start, and by a torque of 1 at either joint. Shape (3, count)."""
+        """Return accelerations by the forces of the step's start, and by 1 N m at either joint. Shape (3, count)."""
         if not self._damped:
             mujoco.mj_solveM(self.chain.model, self.chain.data, self._solved, self._right)
             return self._solved

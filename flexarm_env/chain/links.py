@@ -43,7 +43,7 @@ class Chain:
     # --- motion ------------------------------------------------------------------------------------------------------
 
     def step(self, torque: Array, steps: int) -> None:
-        """Hold a torque [N m] for some integration steps. Shape (2,)."""
+        """Hold the torques of shoulder and elbow [N m], Shape (2,), for some integration steps."""
         self.data.ctrl[:] = torque
         mujoco.mj_step(self.model, self.data, steps)
 

@@ -54,12 +54,15 @@ def chain_model(segments: int, arm: ArmParameters | None = None, time_step: floa
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
+
+    Raises:
+        ValueError: for fewer than 2 segments, or an arm with dry friction.
     """
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
 
 
 def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> str:
-    """Write the chain in MuJoCo's own format; arguments as in `chain_model`."""
+    """Write the chain in MuJoCo's own format; arguments and errors as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
     arm = arm or ArmParameters()

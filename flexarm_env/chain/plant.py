@@ -1,9 +1,9 @@
 """`ChainPlant`: the chain as the arm of an environment (`envs.hosted.Plant`).
 
-What an environment asks of an arm is declared here, for a chain: encoders read the two motors' hinges; modal
+What an environment requires of an arm is defined here for a chain: encoders read the two motors' hinges; modal
 coordinates are those of the environment's arm whose deflection fits the chain's best (`gauges`); tips, deflections and
-sensors' points are the chain's own. An episode begins with the bend angles whose fit is the state that
-was drawn or asked for.
+sensors' points are the chain's own. An episode begins with the bend angles whose fit is the state that was drawn or
+requested.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class ChainPlant:
         ]
 
     def _angles(self, half: Array) -> Array:
-        """Angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""
+        """Return the angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""
         joints, modal = half[:2], half[2:].reshape(2, -1)
         bends = [lift @ q for lift, q in zip(self._gauges.bends, modal, strict=True)]
         return np.concatenate([joints[:1], bends[0], joints[1:] - self._gauges.elbow @ bends[0], bends[1]])

@@ -112,7 +112,7 @@ class Entry:
         return self if instance is None else instance.first(self.name)
 
     def count(self, shape: Any) -> int | None:
-        """How many places it takes in a table of this shape; None if the table does not have it."""
+        """Return how many places it takes in a table of this shape; None if the table does not have it."""
         if self.groups and not self.groups & shape.groups:
             return None
         return self.size if isinstance(self.size, int) else self.size(shape)
@@ -252,10 +252,10 @@ def chosen_by_program(signature: Callable[P, R]) -> Chosen[P, R]:
 
 
 def per_lane(function: F) -> F:
-    """Mark a driver that is called for each lane with many arrays; blocks of several lanes have it in their loops.
+    """Mark a driver that is called for each lane with many arrays: in blocks of several lanes it is inlined.
 
-    To hand the arrays over would take longer than what is done with them. In a block of one lane the compiler decides,
-    which takes it less time.
+    To pass the arrays would take longer than the work itself. In a block of one lane the compiler decides, which takes
+    it less time.
     """
     function.__dict__["per_lane"] = True
     return function

@@ -123,7 +123,7 @@ def normal(key: Any, place: int) -> float:
 
 
 def normal_pair(key: Any, place: int) -> tuple[float, float]:
-    """Two independent standard normal deviates (Box & Muller 1958); uses up `place` and the next."""
+    """Draw two independent standard normal deviates (Box & Muller 1958), from `place` and the next."""
     radius = sqrt(-2.0 * log(1.0 - uniform(key, place)))
     sine, cosine = sincos(6.283185307179586 * uniform(key, place + 1))
     return radius * cosine, radius * sine

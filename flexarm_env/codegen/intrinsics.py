@@ -105,10 +105,11 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
 
 @intrinsic(_write_tile)
 def write_tile(rows: LaneRows, distance: int, places: Words, factors: Table, n: int, lanes: Observations) -> None:
-    """Enter eight numbers of each of eight lanes: ``lanes[i, n] = rows[i + places[n] * distance] * factors[n]``.
+    """Write eight numbers of each of eight lanes: ``lanes[i, k] = rows[places[k], i] * factors[k]``.
 
-    For the first eight i, and n and the seven that follow; nothing is checked. Where a lane's numbers lie side by side,
-    a loop can only write them one by one; here they change places within vectors first.
+    Here i is 0 to 7 and k is n to n + 7; nothing is checked. `distance` is how many numbers a row of the block has.
+    Since a lane's observation lies side by side, a loop could only write numbers one by one; here they change places
+    within vectors first.
     """
     for k in range(n, n + TILE):
         lanes[:TILE, k] = rows[places[k], :TILE] * factors[k]

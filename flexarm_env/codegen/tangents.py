@@ -98,12 +98,12 @@ def tangents(number: Any) -> Tangents:
 
 
 def varied(values: Sequence[Any], directions: Sequence[Any]) -> list[Dual]:
-    """Numbers of which each varies along a direction of its own, with derivative one."""
+    """Return dual numbers of which each varies along a direction of its own, with derivative one."""
     return [Dual(number, {direction: 1.0}) for number, direction in zip(values, directions, strict=True)]
 
 
 def jacobian(function: Callable[[list[Any]], Sequence[Any]], point: Array) -> tuple[Array, Array]:
-    """Values and derivatives of a plain formula at one point or at many.
+    """Return values and derivatives of a plain formula at one point or at many.
 
     Args:
         function: function of some numbers that returns some numbers.

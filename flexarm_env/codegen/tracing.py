@@ -32,7 +32,7 @@ class Operation(NamedTuple):
 
     Attributes:
         name: "row" or "number" of an input, "call" of a function, "result" of a call, else that of the arithmetic.
-        operands: numbers of earlier operations; a literal is a text.
+        operands: indices of earlier operations; a literal is a text.
         what: of an input its argument, and the row, or the places of an element; of a call the function; of a result
             its place.
     """
@@ -151,10 +151,10 @@ def _uses(operations: Sequence[Operation], results: Sequence[int | str]) -> dict
 
 
 class Symbol(ABC):
-    """A number of another kind than floats and arrays; the functions of this module ask it what they give.
+    """A number of another kind than floats and arrays; the functions of this module dispatch to its `apply`.
 
     Attributes:
-        rank: of two kinds of symbols in one call, the one of higher rank dispatches.
+        rank: among the arguments of a call, a symbol of the highest rank is dispatched to.
     """
 
     __slots__ = ()

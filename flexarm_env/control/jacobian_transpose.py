@@ -46,8 +46,8 @@ class Law(NamedTuple):
 
     Attributes:
         gain: lambda (14).
-        proportional_gain: Kp (11).
-        derivative_gain: Kd (12).
+        proportional_gain: Kp (11) [N/m].
+        derivative_gain: Kd (12) [N s/m].
         torque_limit: of shoulder and elbow [N m].
         sensor_distance: of the sensor from the elbow [m].
         sensor_values: phi_i at the sensor (link 2), used where the sensor sees the deflection.
@@ -123,7 +123,7 @@ class Measurement(NamedTuple):
 def _point_measurement(
     k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
 ) -> Measurement:
-    """Of the physical point, one delay for the whole reading, and its own Jacobian."""
+    """Measure the physical point, with one delay for the whole reading, and the rates by the point's own Jacobian."""
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
     rows = true_jacobian(k, law.place, y, one, two)
     weighted = [[law.rate_weight[r] * value for value in rows[r]] for r in (0, 1)]
@@ -180,7 +180,8 @@ def law_stage(
         k: constants of the arm.
         e: see `dynamics.inertia`.
         law: the law's data in this stage.
-        variant: complete velocity forces?, sensor model, Jacobian of the rate.
+        variant: whether velocity forces are complete; the sensor's model; which Jacobian maps the measured joint rates,
+            "delayed" (at the late angles) or "current".
         y: internal coordinates of the stage (explicit).
         v_known: explicit part of its rates.
         h_gamma: step times the diagonal coefficient [s].

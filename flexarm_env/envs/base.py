@@ -142,8 +142,8 @@ class FlexArmEnvBase:
     ) -> None:
         """Move the target, from the present instant on; the next step observes it. Only with `reference="target"`.
 
-        It goes on with its velocity, and stops where the reach ends, until it is set again or the episode ends. What
-        sensors have read before is compared with where it was then.
+        It goes on with its velocity, and stops where the reach ends, until it is set again or the episode ends. A late
+        reading is compared with where the target was then.
 
         Args:
             position: x, y [m]. Shape (2,), or (n, 2) with one for each environment.
@@ -159,7 +159,7 @@ class FlexArmEnvBase:
         self.simulator.set_target(self._chosen("set_reference", rows), position, velocity, previews)
 
     def set_options(self, options: Mapping[str, Any]) -> None:
-        """Say how all later episodes begin, also those that begin by themselves; `reset(options=...)` goes first.
+        """Set how all later episodes begin, also after an autoreset; the options of a `reset` override it.
 
         Args:
             options: keys of `flexarm_env.envs.reset_options.OPTIONS` with a value for all environments or one for each,

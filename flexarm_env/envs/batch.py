@@ -293,7 +293,7 @@ class BatchSimulator(LaneBatch):
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], shown_rows(self.settings), 1:3])
 
     def drawing(self, index: int, result: Array) -> Drawing:
-        """Where the lines of an environment's arm are, from its `result`."""
+        """Return where the lines of an environment's arm are, from its `result`."""
         return drawing_of(self.each[index], result[self.parts["STATE"]])
 
     # --- inside ----------------------------------------------------------------------------------------------------

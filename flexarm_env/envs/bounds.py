@@ -150,7 +150,7 @@ def measured_rate_bound(settings: Settings) -> float:
 
 
 def joint_rate_bound(settings: Settings, reach: Workspace) -> float:
-    """Return the largest difference of a joint's rate on the reference and its measured rate [rad/s]."""
+    """Return the largest difference between a joint's rate on the reference and its measured rate [rad/s]."""
     return measured_rate_bound(settings) + _reference_joint_rate(settings, reach)
 
 

@@ -37,9 +37,9 @@ DEFAULT_OBSERVATION = (
 
 
 def move_ring(arm: ArmParameters) -> tuple[float, float]:
-    """Return between which distances from the shoulder the ends of drawn moves lie [m].
+    """Return the least and the largest distance of the ends of drawn moves from the shoulder [m].
 
-    0.05 of the reachable ring's width away from its edges, and beyond 0.35 of the reach.
+    They are 0.05 of the reachable ring's width away from its edges, and the least is at least 0.35 of the reach.
     """
     outer = 0.05 * arm.inner_reach + 0.95 * arm.reach
     return max(0.35 * arm.reach, arm.inner_reach + arm.reach - outer), outer

@@ -28,7 +28,7 @@ def _is_observed(sensor: Sensor) -> Callable[[Any], bool]:
     return lambda settings: not set(settings.observation).isdisjoint(sensor.blocks)
 
 
-# Options that others have no effect without, unless they are drawn: where they are 0 nothing happens.
+# Options that switch others on: where one is 0 and not drawn, those that follow it have no effect.
 SWITCHES = {"pulse_force": ("pulse_time", "pulse_duration", "pulse_period"), "outage_duration": ("outage_time",)}
 
 

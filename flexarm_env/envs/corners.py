@@ -34,7 +34,7 @@ def as_given(settings: Any) -> dict[str, Any]:
 
 
 def worst(settings: Any, measure: Callable[[Any], float]) -> Any:
-    """Return the settings of the episodes with the largest measure; themselves where nothing is drawn.
+    """Return the settings of the episodes with the largest measure; `settings` itself where nothing is drawn.
 
     Args:
         settings: `Settings`.

@@ -240,7 +240,7 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
 
 
 def preset_table() -> str:
-    """Arms by name: what `arm` takes as a string."""
+    """Tabulate the arms by name, as the option `arm` takes it."""
     return table(("`arm`", "what"), [(f'`"{name}"`', preset.text) for name, preset in PRESETS.items()])
 
 

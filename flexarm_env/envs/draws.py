@@ -139,7 +139,7 @@ class Draws:
         return {name: both.copy() if both.shape[1] > 1 else both[:, 0].copy() for name, both in found.items()}
 
     def path(self, request: Array, index: int, key: int, rows: int) -> Array:
-        """Return the path that follows from an environment's request, which asks for this path then."""
+        """Return the path that follows from an environment's request, and write its place into the request."""
         options = self._kinds[self._kind_of[index]].having(self._numbers(request))
         if options.reference[0] not in OF_EACH:
             direction = DIRECTION_CODES[options.direction]

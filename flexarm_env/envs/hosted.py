@@ -1,7 +1,7 @@
-"""`HostedSimulator`: one environment whose arm is another engine's; all around the arm is the kernels' as ever.
+"""`HostedSimulator`: one environment whose arm is another engine's; the same kernels compute all else.
 
-The kernels do the two halves of a control period (`episode.step.step_half`). In between the plant moves, and what it
-is and reads goes where the kernels of our own arm would write it.
+The kernels do the two halves of a control period (`episode.step.step_half`). In between the plant moves; its state and
+readings are written where the kernels of our own arm would write theirs.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ class Plant(Protocol):
         """Return the joints' angles and rates, as the encoders would read them without noise. Shape (4,)."""
 
     def truth(self) -> Truth:
-        """Return the arm now.
+        """Return the arm's state, tips and deflections now.
 
-        The state is that of the settings' arm which is nearest. Strain gauges read its modal coordinates. Its joint
-        angles say where the links lie, and are not those of the encoders where its shapes cannot follow a link's slope.
+        The state is the nearest one of the settings' arm. Strain gauges read its modal coordinates. Its joint angles
+        say where the links lie; they differ from the encoders' where the mode shapes cannot follow a link's slope.
         """
 
     def drawing(self) -> Drawing:

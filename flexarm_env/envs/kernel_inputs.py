@@ -94,7 +94,7 @@ def path_tables(kinds: Sequence[Settings], lanes: int) -> tuple[Array, tuple[str
 
 
 def usual_requests(settings: Settings, first_paths: NDArray[np.int64], shape: tuple[int, int]) -> Array:
-    """Return requests for episodes by the settings, and the environments' first paths. Shape (lanes, columns)."""
+    """Return the reset requests that follow from settings and the environments' first paths. Shape (lanes, columns)."""
     count = len(first_paths)
     usual = np.full(shape, NAN)
     usual[:, column.START] = START_CODES[settings.start]
@@ -146,7 +146,7 @@ def header_and_settings(
 def tail_rows(kinds: Sequence[Settings], hosted: bool) -> int:
     """Return the number of rows of the tail: previews, kept actions, and kept commands if they are not the actions.
 
-    Where another engine advances the plant, then the commands of each step of a period (`actuation.host_commands`).
+    Where another engine advances the plant, a period's commands follow, for each step (`actuation.host_commands`).
     """
     settings = kinds[0]
     channels = len(settings.action_limit)

@@ -1,4 +1,4 @@
-"""`MotionOptions`: the first of the options, of the arm, its actions, its motors, and the laws under an action."""
+"""`MotionOptions`: the options of the arm, its actions, its motors, and the laws under an action."""
 
 from __future__ import annotations
 

@@ -13,13 +13,16 @@ from flexarm_env.validation import shown
 
 
 def judge(simulator: BatchSimulator, infos: InfoMaker, results: NDArray[np.float64], begun: NDArray[np.int64]) -> None:
-    """Put the rewards and ends of the user's into the results of a step.
+    """Write the rewards and terminations by the user's functions into the results of a step.
 
     Args:
         simulator: the environments.
         infos: makes their infos.
         results: of the step; changed. Shape (N, k).
         begun: environments that began an episode in this step; they have no reward and do not end. Shape (n,).
+
+    Raises:
+        TypeError, ValueError: for what a function returns of another shape or type, or a reward that is not finite.
     """
     settings, seen = simulator.settings, results.view()
     seen.flags.writeable = False  # infos show the same memory

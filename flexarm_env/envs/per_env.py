@@ -20,7 +20,7 @@ from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
 
 OPTIONS = tuple(one.name for one in fields(Settings) if one.metadata["own"])
-# Of actions and observations: an episode's are its environment's own. And paths, for which lanes have memory.
+# Names of `common_values` that draws may change: actions and observations keep the environment's own, lanes hold paths.
 _FREE = ("gain_limit", "action_limit", "kept", "paths", *OF_PATHS)
 _SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in OPTIONS)
 

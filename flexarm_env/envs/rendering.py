@@ -184,7 +184,7 @@ class _Canvas:
         self._surface.fill(color, [round(x * self._scale) for x in (left, top, width, height)])
 
     def text(self, text: str, at: Point, size: float = TEXT_SIZE, right: bool = False) -> None:
-        """Write at the end, vertically centred on `at`, from there to the right or (`right`) up to there."""
+        """Write text over the finished shapes, vertically centred on `at`, its left end or (`right`) its right end."""
         self._texts.append((text, at, size, right))
 
     def finish(self) -> Any:

@@ -10,7 +10,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 AHEAD = 16  # keys drawn at once
-LOW = 2**64 - 1  # the low word of a number of 128 bits
+LOW = 2**64 - 1  # mask of the low word of a number of 128 bits
 
 
 def new_keys(generator: np.random.Generator, count: int) -> NDArray[np.uint64]:

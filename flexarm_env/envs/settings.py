@@ -118,7 +118,7 @@ class Settings(Options):
         Nothing else of the kind is drawn, and the integration step stays.
 
         Args:
-            values: one number or two, by names of `options.DRAWABLE` but quantities of the kernels.
+            values: one number or two, by names in `options.DRAWABLE` other than `quantities.QUANTITIES`.
         """
         arm: dict[str, Any] = {}
         known = {one.name: getattr(self, one.name) for one in fields(self)}

@@ -195,7 +195,7 @@ class States:
 
 
 def _runs(variant: Variant, fixed: frozenset[str], end: int) -> Iterator[tuple[int, int]]:
-    """Yield first and last row but one of each run of an arena's rows that belong to states."""
+    """Yield the first row of each run of an arena's rows that belong to states, and the row after its last."""
     begin = 0
     for name, (first, count) in variant.rows.items():
         if name in fixed and count:

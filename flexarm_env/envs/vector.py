@@ -50,7 +50,7 @@ class FlexArmVectorEnv(
 ):
     """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
 
-    With `per_env`, this is the single environment with the options of environment i.
+    With `per_env`, that single one has the options of environment i.
 
     Attributes:
         simulator: arms, kernels and memory.
@@ -62,7 +62,7 @@ class FlexArmVectorEnv(
         "render_fps": FASTEST_VIDEO,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
-    # Gymnasium closes what is let go of. Until one is made, or read from a pickle, there is nothing to close.
+    # Gymnasium closes a batch that Python deletes. Until one is made, or read from a pickle, there is nothing to close.
     closed = True
     _spec: EnvSpec | None = None
 
@@ -250,7 +250,7 @@ class FlexArmVectorEnv(
         return self._observations(), infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Draw a picture of each environment. Shape (size, size, 3) each."""
+        """Draw each environment; None without a render mode or before a reset. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
             return None
         return tuple(scene.draw(self.simulator.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]

@@ -101,7 +101,7 @@ class Window:
         self._pygame.display.flip()
 
     def look(self) -> list[Any]:
-        """Look at the keys, and return what happened beside that."""
+        """Read the keys that were pressed and whether the window was closed; return all other events."""
         pygame = self._pygame
         rest = []
         for event in pygame.event.get():

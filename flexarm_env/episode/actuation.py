@@ -1,7 +1,7 @@
 """Drivers of the ways in which an action moves the arm over a control period; a program has one of them, as `drive`.
 
-`imex` explains lanes, blocks and arenas. Torques and gains are held over the period, each from its
-`actuation_delay` after the action on. `DRIVES` names the drivers.
+`imex` explains lanes, blocks and arenas. A torque or a gain is held for one period, which begins `actuation_delay`
+after its action. `DRIVES` names the drivers.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def write_commands(block: Block, step: int, held: bool) -> None:
 
 
 def keep_reading(block: Block, done: int) -> None:
-    """Write the reading after `done` steps of a period into the delay line, if `Header.READINGS` includes it."""
+    """Write the reading after `done` steps of a period into the delay line, if `Header.KEPT_READINGS` has it."""
     header, arena, history, clock = block.header, block.arena, block.history, block.clock
     if is_kept(header, done):
         store_reading(arena, history, slot_after(clock, history, done))
@@ -272,7 +272,7 @@ def drive_tracking(block: Block) -> None:
 
 @drives("gain", "actions are the gain of the paper's law", "law")
 def drive_gain(block: Block) -> None:
-    """Move the arm by the tip law, which acts in continuous time with the action as its gain lambda."""
+    """Move the arm by the paper's law, which acts in continuous time with the action as its gain lambda."""
     header, settings, arena = block.header, block.settings, block.arena
     h = settings[setting.STEP]
     held = undelayed(arena)
@@ -290,9 +290,9 @@ def drive_gain(block: Block) -> None:
 @drives("gain", "actions are the gain of the paper's law, the plant is another engine's", among=HOST_DRIVES)
 @drives("torque", "actions are torques, the plant is another engine's", among=HOST_DRIVES)
 def host_commands(block: Block) -> None:
-    """Enter the acting commands of each integration step into the arena's tail, after the kept ones.
+    """Write the commands that act in each integration step into the arena's tail, after the kept ones.
 
-    They are shares of `COMMAND_SCALE`; what they are to the plant, the host says. The clocks move on here.
+    They are shares of `COMMAND_SCALE`; the host converts them for the plant (`envs.hosted`). The clocks advance here.
     """
     header, settings, arena, history, clock = block.header, block.settings, block.arena, block.history, block.clock
     channels = header[word.CHANNELS]
@@ -307,6 +307,6 @@ def host_commands(block: Block) -> None:
 
 @drives("torque_rate", "actions are changes of the torques, the plant is another engine's", among=HOST_DRIVES)
 def host_torque_rate(block: Block) -> None:
-    """Enter the torques that the actions add up to; see `host_commands`."""
+    """Write the torques that the actions add up to; see `host_commands`."""
     add_up_torques(block)
     host_commands(block)

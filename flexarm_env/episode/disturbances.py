@@ -1,4 +1,4 @@
-"""Drivers of what disturbs an arm from outside and its gauges: pulses of force at the tip, readings that drift.
+"""Drivers of disturbances: pulses of force at the tip, and drift of the strain gauges.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -13,7 +13,7 @@ from flexarm_env.kernels.variants import Block, variant
 
 
 def overlap(begin: float, end: float, first: float, last: float) -> float:
-    """Return how long a time lies within another one [s]."""
+    """Return how long two intervals of time overlap [s]."""
     return max(0.0, min(end, last) - max(begin, first))
 
 

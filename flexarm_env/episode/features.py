@@ -41,7 +41,7 @@ class Measurements(NamedTuple):
 
 
 class Features(NamedTuple):
-    """Parts of observations; lists of numbers. `frame_axis`: cosine and sine of the frame's angle."""
+    """Parts of observations; lists of numbers in SI units. `frame_axis`: cosine and sine of the frame's angle."""
 
     directions: list[Any]
     joint_error: list[Any]

@@ -115,9 +115,9 @@ def update_measurements(block: Block) -> None:
 
 
 def count_encoders(arena: Arena, settings: Table) -> None:
-    """Round each lane's joint angles to the encoders' counts; a rate is what the count would change by in a period.
+    """Round each lane's joint angles to the encoders' counts, and compute rates from changes of the counts.
 
-    That is the count's change over a control period in which the joint turned at its present rate, per second.
+    A rate is the count's change over a control period in which the joint turned at its present rate, per second.
     """
     period = settings[setting.PERIOD]
     for r in range(2):

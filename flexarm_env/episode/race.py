@@ -1,4 +1,4 @@
-"""Drivers of a race: the reference moves along the path at a speed of the action's; laps and their times.
+"""Drivers of a race: the action sets the speed at which the reference moves along the path; laps and their times.
 
 Contouring control with progress as an action (Lam, Manzie & Good, *Model predictive contouring control*, CDC 2010;
 Liniger, Domahidi & Morari, *Optimization-based autonomous racing of 1:43 scale RC cars*, 2015). The tables of the paths

@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: they are drawn, the lanes set, and what sensors have read before is filled in.
+"""Drivers that begin episodes: they draw them, set the lanes, and fill in what the sensors have read before.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -253,9 +253,10 @@ def reset_lanes(block: Block) -> None:
 
 
 def move_history(block: Block, i: int) -> None:
-    """Fill the delay line of lane i, whose arm starts on the move: positions as of the newest ones moved back in time.
+    """Fill the delay line of lane i, whose arm starts on the move.
 
-    Before the start, sensors of other quantities read what they read at the start (`delay_line.fill_history`).
+    A past position differs from the newest one as those of the rigid arm on the reference do. Before the start, sensors
+    of other quantities read what they read at the start (`delay_line.fill_history`).
     """
     header, settings, history, clock = block.header, block.settings, block.history, block.clock
     h = settings[setting.STEP]

@@ -1,7 +1,7 @@
 """Reward: terms of the state after the step, each in [0, 1], and their weighted sum.
 
-No term is negative, so that ending an episode early never pays. The functions take plain numbers; kernels are recorded
-from them.
+No term is negative: with weights of 0 or more, ending an episode early never pays. The functions take plain numbers;
+kernels are recorded from them.
 
 Symbols: ``e`` distance of the true tip (with deflection) from the reference [m]; ``a`` action in [-1, 1].
 """
@@ -42,7 +42,7 @@ def squared_distance(tip: Sequence[Any], reference: Sequence[Any]) -> Any:
 
 
 def progress_term(speed: Any, largest: Any) -> Any:
-    """Compute the term for progress along the path: the share of the largest speed of the reference [m/s] both."""
+    """Compute the term for progress along the path: the reference's speed over its largest speed, both in m/s."""
     return speed / largest
 
 

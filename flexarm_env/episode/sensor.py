@@ -21,7 +21,7 @@ from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 
-CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
+CHANNELS_OF_NOISE = 8  # random numbers of a control period for the sensors, then as many for the encoders
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
 
@@ -144,11 +144,10 @@ def latest_reading(block: Block, i: int, now: float, before: float) -> tuple[flo
 
 @per_lane
 def disturbed_reading(block: Block, i: int, now: float, least: float, delay: float) -> tuple[float, int]:
-    """Find what `latest_reading` finds for a sensor with jitter, lost readings or its own clock.
+    """Find what `latest_reading` finds, for a sensor with jitter, lost readings, an outage or its own clock.
 
-    Args: as there, and
-        least: time at which a reading must have been taken at the earliest [s].
-        delay: delay without jitter [s].
+    The reading may have been taken at the time `least` [s] at the earliest. `delay` is its delay without jitter [s],
+    `now` the present time [s].
     """
     settings, arena, clock, keys = block.settings, block.arena, block.clock, block.keys
     hold, jitter, dropout = arena[row.HOLD, i], arena[row.JITTER, i], arena[row.DROPOUT, i]
@@ -218,7 +217,7 @@ def point_on_reference(settings: Table, branch: float, link: int, distance: floa
 
 
 def nominal_age(block: Block, i: int) -> float:
-    """Return how old a reading that arrives at lane i now is by the declared delay and clock, none being lost [s]."""
+    """Return the age by the declared delay and clock of a reading that arrives at lane i now, if none is lost [s]."""
     settings, arena, clock = block.settings, block.arena, block.clock
     delay, hold = arena[row.NOMINAL_DELAY, i], arena[row.NOMINAL_HOLD, i]
     if not variant.disturbed or hold == 0.0:

@@ -31,7 +31,7 @@ def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64
         memory: of the batch.
         low: first block.
         high: block after the last.
-        results: output; the parts of `layout.result_sizes`. Shape (parts, lanes).
+        results: output; a row for each number of `layout.result_sizes`. Shape (k, lanes of all blocks).
     """
     for number in range(low, high):
         step_block(memory, number, True, True)

@@ -1,4 +1,4 @@
-"""The least-squares problem, its solution and the intervals of it."""
+"""The least-squares problem, its solution, and the confidence intervals of the solution."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Identified(NamedTuple):
     Attributes:
         arm: with the fitted parameters.
         values: of what was fitted, by name.
-        deviations: their standard deviations.
-        intervals: of 95 % confidence.
-        noise: r.m.s. of what is left in each channel, by name [unit of the channel].
+        deviations: standard deviations of these values, by name.
+        intervals: their intervals of 95 % confidence, by name.
+        noise: r.m.s. residual of each channel, by name [unit of the channel].
         explained: share of each channel's variance that the model explains; 0 where its readings are all equal.
     """
 
@@ -61,11 +61,12 @@ def identify(
         delay: of the tip's reading [s]; where the search begins, if it is fitted.
         actuation_delay: from a torque to its effect [s]; likewise.
         sensor_position: of the late sensor on link 2 [m]; None: at the tip.
-        window: a record is cut into windows as long as this, each with a state of its own, so that what the model lacks
-            does not add up [s].
+        window: a record is cut into windows as long as this, each with a first state of its own, so that errors of the
+            model do not add up [s].
 
     Raises:
         ValueError: for a bad argument, or parameters that the recordings do not tell apart.
+        ValueError, FloatingPointError: if the arm diverges where the search begins.
     """
     for name in names:
         choice("names", name, parameter_names())
@@ -125,10 +126,10 @@ class Fit:
         self._latest: tuple[Array, Array, Array] | None = None
 
     def left(self, unknown: Array) -> dict[str, Array]:
-        """Return what the model leaves of each channel. Shape (windows, n, 2).
+        """Return the residuals of each channel, in its unit. Shape (windows, n, 2).
 
         Raises:
-            ValueError: for a channel of which it leaves nothing.
+            ValueError: for a channel whose readings are all older than the windows.
         """
         found = {name: one for name, (one, _) in self.parts(unknown).items()}
         if late := [name for name, one in found.items() if np.isnan(one).all()]:
@@ -136,7 +137,7 @@ class Fit:
         return found
 
     def residuals(self, unknown: Array) -> Array:
-        """Return residuals whose squares have the sum of all those of the readings."""
+        """Return fewer residuals than there are readings, with the same sum of squares, in units of the noise."""
         return self._problem(unknown)[0]
 
     def jacobian(self, unknown: Array) -> Array:
@@ -144,7 +145,7 @@ class Fit:
         return self._problem(unknown)[1]
 
     def parts(self, unknown: Array) -> dict[str, tuple[Array, Array]]:
-        """Return what the model leaves of each channel, Shape (windows, n, 2), and its derivatives."""
+        """Return the residuals of each channel, Shape (windows, n, 2), and their derivatives."""
         values = dict(zip(self.names, unknown[: len(self.names)].tolist(), strict=True))
         states = unknown[len(self.names) :].reshape(len(self._model.torque), -1)
         read, slopes = self._model.readings(with_values(self.arm, values), states, values)
@@ -216,5 +217,5 @@ def _deviations(fit: Fit, unknown: Array, names: Sequence[str]) -> Array:
     count = sum(np.isfinite(one).sum() for one in fit.left(unknown).values())
     if count <= np.sum(seen):
         raise ValueError(f"recordings: {count} readings for as many unknown numbers, {np.sum(seen)}; must be more")
-    # what is left is less than the noise by what was fitted
+    # residuals are smaller than the noise, since the fit follows a part of it
     return np.asarray(deviation * np.sqrt(count / (count - np.sum(seen))))

@@ -37,7 +37,7 @@ def parameter_names() -> tuple[str, ...]:
 
 
 def limits(name: str) -> tuple[float, float]:
-    """Return least and largest value of what is fitted, with room for differences."""
+    """Return the least and the largest value that a parameter is fitted to, with room for differences."""
     if name in DELAYS:
         return 0.1 * LEAST, MAX_DELAY
     (allowed,) = (one.metadata["allowed"] for one in fields(ArmParameters) if one.name == split(name)[0])
@@ -62,8 +62,13 @@ def simulated(
         torque: held from each instant to the next [N m]. Shape (n, 2).
         period: between instants [s].
         delay: of the tip's reading [s].
-        actuation_delay: from a torque to its effect [s]; the state is that of the time by which all is later.
+        actuation_delay: from a torque to its effect [s]; the arm is in `state` this long after the first instant, when
+            the first torque begins to act. Readings of earlier times are NaN.
         sensor_position: see `identify`.
+
+    Raises:
+        ValueError: for bad input.
+        ValueError, FloatingPointError: if the arm's motion diverges.
     """
     torques = real_array("torque", torque)
     model = Model([], torques[None], period, {"delay": delay, "actuation_delay": actuation_delay}, sensor_position)
@@ -102,6 +107,9 @@ class Model:
             Readings by channel, Shape (windows, n, 2, 1), and their derivatives by what is fitted, in the order of
             `values`, and then by the window's first state, Shape (windows, n, 2, names + size). Before a window's
             first late reading they are NaN.
+
+        Raises:
+            ValueError, FloatingPointError: if the motion diverges, before or in the last step.
         """
         plain = FlexibleArm(arm)
         moved = {
@@ -164,7 +172,7 @@ class Model:
         return results, derivatives
 
     def _at(self, whole: Array, late: float) -> tuple[Array, Array]:
-        """Return values at the instants less a lateness, and the readings' rates there."""
+        """Return the values that are read at the instants, `late` seconds old [s], and the readings' rates then."""
         if not self._late:
             return whole, np.zeros(whole.shape[:-1])
         nodes = self.period / self._nodes * np.arange(whole.shape[1])
@@ -187,7 +195,7 @@ class Model:
         state = np.zeros((len(self.torque), 2 * half))
         if "joint" in measured:
             state[:, :2] = np.nan_to_num(measured["joint"][:, 0])
-        # Readings are as good as a twentieth of a link's length; a shape that none of them tells stays near 0.
+        # Readings are right to a twentieth of a link's length; a shape that they do not determine stays near 0.
         length = float(np.mean(arm.link_lengths))
         bends = np.concatenate([0.05 * length / np.abs(link.tip_values) for link in plain.modes])
         prior = np.diag(np.concatenate([[1e-6, 1e-6], bends**-2]))

@@ -20,7 +20,7 @@ COLUMNS = ("time", *(f"{name}_{n}" for name in ("torque", *CHANNELS) for n in (1
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded of an arm, at equal intervals. A reading that is missing is NaN; a channel may be None.
+    """What was recorded of an arm, at equal intervals. A missing reading is NaN; a channel without any is None.
 
     Attributes:
         period: between instants [s].
@@ -60,7 +60,7 @@ class Recording:
         return tuple(name for name in CHANNELS if getattr(self, name) is not None)
 
     def save(self, path: str | Path) -> None:
-        """Write a CSV file with a header of `COLUMNS`, as far as there are such channels."""
+        """Write a CSV file of nine digits, with those of `COLUMNS` whose channels there are."""
         parts = {"torque": self.torque, **{name: getattr(self, name) for name in self.channels}}
         header = ["time", *(f"{name}_{n}" for name in parts for n in (1, 2))]
         rows = np.column_stack([self.period * np.arange(len(self.torque)), *parts.values()])
@@ -68,10 +68,11 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Read what `save` writes; an empty cell is a missing reading.
+        """Read a file as `save` writes it; an empty cell or "nan" is a missing reading.
 
         Raises:
-            OSError, ValueError: for a file that is not one, or whose instants are not equally far apart.
+            OSError: if the file cannot be read.
+            ValueError: if it is not such a file, or its instants are not equally far apart.
         """
         try:
             with Path(path).open(newline="", encoding="utf-8-sig") as file:

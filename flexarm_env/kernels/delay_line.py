@@ -18,7 +18,7 @@ from flexarm_env.kernels.variants import Block, variant
 
 
 def slot_after(clock: Clock, history: History, steps: int) -> int:
-    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
+    """Return the slot of a block's delay line that will be the newest one so many integration steps from now."""
     return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // variant.slot_rows)
 
 
@@ -85,7 +85,7 @@ def point_at(block: Block, i: int, theta1: float, theta2: float) -> tuple[float,
 def delayed_reading(
     history: History, slots: int, slot: int, i: int, j: int, h: float, back: float
 ) -> tuple[float, float]:
-    """Return a reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
+    """Return a reading of lane i and its rate, `back` steps before the newest slot's; see `prepare_reading`.
 
     Args:
         history: readings at past steps.
@@ -120,7 +120,7 @@ def delayed_number(history: History, slots: int, slot: int, i: int, j: int, back
 
 @per_lane
 def bracket(slots: int, slot: int, back: float) -> tuple[int, int, float]:
-    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
+    """Return the rows at which the readings before and after a moment begin, and the share of the step between them.
 
     Args:
         slots: of the delay line.
@@ -136,7 +136,7 @@ def bracket(slots: int, slot: int, back: float) -> tuple[int, int, float]:
 
 @per_lane
 def hermite(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
-    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
+    """Return value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
     curve = 3.0 * difference - 2.0 * a_rise - b_rise

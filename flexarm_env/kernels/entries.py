@@ -47,13 +47,13 @@ class Shape(NamedTuple):
 
     @property
     def groups(self) -> frozenset[str]:
-        """Of the parts that tables have (`layout`)."""
+        """Groups whose parts the tables have (`layout`)."""
         groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
         return groups | {name for name in ("motors", "payloads", "pulses", "drifting") if getattr(self, name)}
 
     @property
     def size(self) -> int:
-        """Internal coordinates."""
+        """Number of internal coordinates."""
         return 2 * self.modes + 2
 
     @property

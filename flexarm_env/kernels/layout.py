@@ -52,7 +52,7 @@ def slope_sizes(modes: int) -> dict[str, int]:
     """Return what `step_jacobians` keeps of a stage, in its order, and how many numbers each is.
 
     M and its inverse (lower triangles); the derivatives of the momenta ``M(y) v`` and of the force p' by the positions
-    but a1 and by the rates; of both by each input that acts all the time.
+    without a1; those of the force by the rates; those of both by each input that acts all the time.
     """
     size = 2 * modes + 2
     triangle, acting = size * (size + 1) // 2, 2 + len(ARM_QUANTITIES)

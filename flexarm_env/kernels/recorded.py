@@ -78,9 +78,9 @@ def step_record(variant: Variant) -> Recorder:
     """Record one step of the classical Runge-Kutta method; with the joint-space law for the kind "tracking".
 
     It integrates positions and momenta, not rates: an error of the fast modes then does not move the slow motion
-    through M(y)^-1 (docs/model.md). All stages in one pass over the lanes, so that slopes and their sum stay in
-    registers. The slopes at the step's end are the first of the next one.
-    Twice a slope is a sum, since units that only add are idle while others multiply.
+    through M(y)^-1 (docs/model.md). All stages are in one pass over the lanes, so that slopes and their sum stay in
+    registers. The slopes at the step's end are the first of the next one. A doubled slope is written as a sum, since
+    the processor's adders are idle while its multipliers work.
     """
     r = Recorder(variant)
     h, y, p, k = r.trace.number("h"), r.read("Y"), r.read("P"), r.constants()

@@ -30,7 +30,7 @@ class Recorder:
     """Records one kernel over the lanes of an arena."""
 
     def __init__(self, variant: Variant, inlining: bool = False, fusing: bool = True) -> None:
-        """Begin one for a variant; `inlining` as in `Trace`, `fusing` as in `Trace.lines`."""
+        """Begin one for a variant; `inlining` as in `Trace`, `fusing` as in `Trace.recording`."""
         self.variant, self.fusing = variant, fusing
         self.trace = Trace(inlining)
         self.stores: list[tuple[tuple[str, int], Any]] = []
@@ -45,7 +45,7 @@ class Recorder:
         return [self.trace.number(array, n) for n in range(count)]
 
     def rows_of(self, array: str, count: int, first: int = 0) -> list[Any]:
-        """Rows of another array than the arena, from the first on."""
+        """Read rows of an array, from the first on."""
         return [self.trace.row(array, row) for row in range(first, first + count)]
 
     def one(self, name: str) -> Any:
@@ -53,7 +53,7 @@ class Recorder:
         return self.read(name)[0]
 
     def write(self, name: str, values: Sequence[Any]) -> None:
-        """Enter a part of the arena."""
+        """Write a part of the arena."""
         first, count = self._part(name)
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
         self.store("arena", values, first)
@@ -67,7 +67,7 @@ class Recorder:
         return self._constants_of(self.read("CONSTANTS"))
 
     def constant_derivatives(self) -> list[Constants]:
-        """Of the constants, by each quantity."""
+        """Read the derivatives of the arm's constants by each quantity."""
         changes = self.read("CHANGES")
         each = len(changes) // len(ARM_QUANTITIES)
         parts = [changes[n : n + each] for n in range(0, len(changes), each)]
@@ -165,7 +165,7 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
 
 
 def _slope(variant: Variant) -> Recording:
-    """Compute of one arm v, and p' without the motors' part, from its constants (`layout.arm_rows`), y, p, S and C."""
+    """Record v, and p' without the motors' part, of one arm from its constants (`layout.arm_rows`), y, p, S and C."""
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,

@@ -23,7 +23,7 @@ def path_time(arena: Arena, clock: Clock, h: float, ahead: float, i: int) -> flo
 
 @per_lane
 def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
-    """Note for lane i, from a row on, the side that path p is on at a time [s] (see `Segment`); which it is."""
+    """Note for lane i, from a row on, the side that path p is on at a time [s] (`Segment`); return its number."""
     lap, k = segment_of(paths, p, time)
     arena[first + segment.LAP, i] = lap
     arena[first + segment.BEGIN, i] = paths[p, k, 0]

@@ -58,12 +58,12 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
 
 
 def find_momenta(arena: Arena) -> None:
-    """Momenta of a block's arms, and their rates without the motors' part; see `momentum_kernel`."""
+    """Compute the momenta of a block's arms, and their rates without the motors' part; see `momentum_kernel`."""
     momentum_kernel(lane_rows(arena, variant.lanes))
 
 
 def find_slopes(arena: Arena) -> None:
-    """Rates of a block's arms, and those of their momenta; see `slope_kernel`."""
+    """Compute the rates of a block's arms, and those of their momenta; see `slope_kernel`."""
     slope_kernel(lane_rows(arena, variant.lanes))
 
 

@@ -15,7 +15,7 @@ States = NDArray[np.float64]  # public. Shape (arms, 2 * size)
 
 
 def internal_place(entry: int) -> int:
-    """Place among the internal coordinates (a1, q1, a2, q2) of an entry of the public ones (theta1, theta2, q1, q2)."""
+    """Return where an entry of (theta1, theta2, q1, q2) lies in (a1, q1, a2, q2); theta2's place is that of a2."""
     if entry == 0:
         return 0
     if entry == 1:
@@ -24,12 +24,12 @@ def internal_place(entry: int) -> int:
 
 
 def elbow_slope(arena: Arena, i: int, first_row: int) -> float:
-    """Angle of link 1's tip against its root in lane i.
+    """Return the angle of link 1's tip against its root in lane i, or the rate of it.
 
     Args:
         arena: of one block.
         i: the lane.
-        first_row: of link 1's modal coordinates.
+        first_row: of link 1's modal coordinates, or of their rates.
     """
     slope = 0.0
     for n in range(variant.modes):
@@ -111,7 +111,7 @@ def store_states(arena: Arena, states: States, first: int) -> None:
 
 
 def state_status(arena: Arena) -> None:
-    """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
+    """Write each lane's status: 0 if its state is valid, -1 if not finite, n if entry n - 1 is beyond its limit."""
     for i in range(variant.lanes):
         status = 0.0
         for r in range(2 * variant.size - 1, -1, -1):

@@ -102,18 +102,18 @@ def end_column_record(variant: Variant, with_input: bool = False) -> Recorder:
 
 @recorded_kernel(column_record)
 def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
-    """One column of every lane over a step.
+    """Carry one column of every lane over a step.
 
     Args:
         column: of positions and momenta, before and after. Shape (2 * size, lanes).
-        slopes: of all stages.
+        slopes: those of all stages, one after the other (`layout.slope_sizes`). Shape (stages * slope_rows, lanes).
         h: step [s].
     """
 
 
 @recorded_kernel(partial(column_record, with_input=True))
 def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
-    """One column of every lane over a step, of an input that acts all the time.
+    """Carry one column of every lane over a step, of an input that acts all the time.
 
     Args:
         column: see `column_kernel`.

@@ -2,10 +2,10 @@
 
 `imex` explains lanes, blocks and arenas, `step_jacobians` what is differentiated.
 
-A gradient by the state after a step goes back to that by the state before it, of positions y and momenta p = M(y) v.
-Of a stage with the rates (v, F), the gradient by them is their share of the step's plus what the stage after it hands
-back. With ``M mu = g_v + (dF/dv)' g_F`` that by the stage's momenta is mu, and that by its positions
-``(dF/dy)' g_F - (d(M v)/dy)' mu``: one solution serves all inputs.
+The gradient by the state after a step (positions y, momenta p = M(y) v) gives that by the state before it. The gradient
+(g_v, g_F) by the rates (v, F) of a stage is their share of the step's plus what the stage after it contributes. With mu
+from ``M mu = g_v + (dF/dv)^T g_F``, the gradient by the stage's momenta is mu, and that by its positions is
+``(dF/dy)^T g_F - (d(M v)/dy)^T mu``: one solution serves all inputs.
 
 Source: Griewank & Walther, *Evaluating Derivatives*, 2nd edition, SIAM 2008, chapter 3 (adjoint mode).
 """
@@ -38,7 +38,7 @@ Gradients = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def trail_rows(size: int, steps: int) -> int:
-    """Return how many numbers of a lane some steps leave for the way back: of stages, with `size` coordinates."""
+    """Return how many numbers of a lane the way back needs: `size` coordinates and rates a stage, and at the end."""
     return 2 * size * (RK4_STAGES * steps + 1)
 
 
@@ -164,7 +164,7 @@ def run_gradients(
         arena: to work in.
         trail: to work in. Shape (trail_rows(size, steps), lanes).
         arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
-        torques: Shape (arms, 2) [N m].
+        torques: held over all steps [N m]. Shape (arms, 2).
         h: step [s].
         steps: how many.
         states: before the steps, public. Shape (arms, 2 * size).

@@ -125,7 +125,7 @@ def slopes_record(variant: Variant) -> Recorder:
 
 
 def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
+    """Return the cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
     sin, cos = sincos(dyn.elbow_turn(y))
     return cos, sin, sine_of_theta2(variant, k, y)
 
@@ -141,7 +141,7 @@ def first_stage_kernel(arena: Arena) -> None:
 
 @recorded_kernel(stage_record)
 def stage_kernel(arena: Arena, ahead: float, weight: float) -> None:
-    """One later stage of a step of every lane.
+    """Compute a later stage of a step of every lane.
 
     Args:
         arena: of one block; V_STAGE and FORCE_STAGE of the stage before, which receive the stage's own; TOTAL adds up.
@@ -174,10 +174,10 @@ def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: 
     Args:
         arena: to work in.
         arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
-        torques: Shape (arms, 2) [N m].
+        torques: held over all steps [N m]. Shape (arms, 2).
         h: step [s].
         steps: how many.
-        states: before and after.
+        states: public, before the steps; receives those after them. Shape (arms, 2 * size).
     """
     arena = lane_rows(arena, variant.lanes)
     for first in range(0, states.shape[0], variant.lanes):
@@ -243,7 +243,7 @@ def find_slopes(arena: Arena, h: float) -> None:
 
 
 def begin_columns(arena: Arena) -> None:
-    """All columns from rates to momenta, by the slopes of the first stage; those of acting inputs are their own."""
+    """Turn all columns from rates to momenta by the slopes of the first stage; an acting input's is read off them."""
     slopes: LaneRows = arena[row.SLOPES : row.SLOPES + variant.slope_rows]
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n
@@ -257,7 +257,7 @@ def begin_columns(arena: Arena) -> None:
 
 
 def carry_columns(arena: Arena, h: float) -> None:
-    """All columns over the coming step."""
+    """Carry all columns over the coming step."""
     slopes: LaneRows = arena[row.SLOPES : row.SLOPES + RK4_STAGES * variant.slope_rows]
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n
@@ -270,7 +270,7 @@ def carry_columns(arena: Arena, h: float) -> None:
 
 
 def end_columns(arena: Arena) -> None:
-    """All columns from momenta to rates, by the slopes of the period's end."""
+    """Turn all columns from momenta to rates, by the slopes of the period's end."""
     first_stage_kernel(arena)
     slopes: LaneRows = arena[row.SLOPES : row.SLOPES + variant.slope_rows]
     slopes_kernel(arena, slopes)
@@ -285,7 +285,7 @@ def end_columns(arena: Arena) -> None:
 
 
 def input_row(way: int) -> int:
-    """First row, among a stage's slopes, of an input that acts all the time; the inputs come last."""
+    """Return the first row, among a stage's slopes, of an input that acts all the time; the inputs come last."""
     return variant.slope_rows - 2 * variant.size * (variant.ways - way)
 
 

@@ -38,9 +38,9 @@ class Variant:
         sensors: see `Shape` (environments only).
         dry: see `Shape`.
         motors: see `Shape` (environments only).
-        payloads: see `Shape` (environments only), as are:
-        pulses: see `Shape`.
-        drifting: see `Shape`.
+        payloads: see `Shape` (environments only).
+        pulses: see `Shape` (environments only).
+        drifting: see `Shape` (environments only).
     """
 
     program: Program
@@ -78,7 +78,7 @@ class Variant:
 
     @property
     def size(self) -> int:
-        """Internal coordinates."""
+        """Number of internal coordinates."""
         return self.shape.size
 
     @property

@@ -21,8 +21,7 @@ class TrackingError(NamedTuple):
     Attributes:
         rms: root mean square.
         maximum: largest distance.
-        early_end: reason for which the run ended early, None if it did not; the figures of a part compare with no
-            whole run's.
+        early_end: why the run ended early, None if it did not; figures of a part do not compare with a whole run's.
     """
 
     rms: float
@@ -45,12 +44,15 @@ class CircleFit(NamedTuple):
 
 
 def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> TrackingError:
-    """Return the distance of the tip from the (undelayed) reference, with a mark if the run ended early.
+    """Return the distance of the tip from the (undelayed) reference, and why the run ended early, if it did.
 
     Args:
         run: a policy's run.
         tip: "true" or "rigid".
         since: from this time on [s].
+
+    Raises:
+        ValueError: for another `tip`, a run without a reference, or one without an instant from `since` on.
     """
     if tip not in ("true", "rigid"):
         raise ValueError(f"tip = {shown(tip)}: must be 'true' or 'rigid'")
@@ -120,7 +122,7 @@ def _to_segment(points: Array, start: Array, end: Array) -> Array:
 
 
 def circle_fit(path: Array) -> CircleFit:
-    """Fit a least-squares circle (Kasa's linear fit) and how far the path is from it.
+    """Fit a least-squares circle (Kasa's linear fit) to a path, and compute the path's distance from it.
 
     Args:
         path: Shape (n, 2) [m].

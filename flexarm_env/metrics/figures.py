@@ -33,13 +33,13 @@ class LapFigures:
     Attributes:
         rms: r.m.s. distance of the true tip from the reference [m].
         maximum: largest such distance [m].
-        rms_after_2s: r.m.s. distance from 2 s on [m].
+        rms_after_2s: r.m.s. distance from 2 s on [m]; this and the other figures after 2 s: None of a shorter run.
         maximum_after_2s: [m].
         contour_rms: r.m.s. contour error [m], the distance across the reference's direction of travel.
-        contour_max: [m].
+        contour_max: its largest magnitude [m].
         lag_rms: r.m.s. lag error [m], the distance along the reference's direction of travel.
-        lag_max: [m].
-        lag_mean: positive where the tip is behind [m].
+        lag_max: its largest magnitude [m].
+        lag_mean: its mean, positive where the tip is behind [m].
         corners: one entry a corner.
         peak_deflection: largest deflections of the links' tips [m].
         rms_deflection: [m].
@@ -47,8 +47,8 @@ class LapFigures:
         rms_deflection_rate: [m/s].
         peak_torque: [N m].
         rms_torque: [N m].
-        torque_travel: sum of the changes' magnitudes [N m].
-        torque_change_after_2s: r.m.s. change from one control period to the next, from 2 s on [N m].
+        torque_travel: sum of the magnitudes of the torque's changes from one control period to the next [N m].
+        torque_change_after_2s: r.m.s. of these changes from 2 s on [N m].
         energy: sum over periods and both motors of the work's magnitude: no work is recovered [J].
         net_work: what the motors gave to the arm [J].
         share_at_limit: share of the control periods with a torque at its limit; None where no limit is given.

@@ -44,9 +44,9 @@ def elbow_changes(run: Trajectory) -> Array:
     """Return when the elbow changed sides: the times at which the sign of sin(theta2) changed.
 
     The elbow is on a side only where it is bent by more than `STRAIGHT`, 0.05 rad, off the straight and off the folded
-    arm (`elbow_side`; the environments' infos count by the same rule). A
-    motion within that band, and one that comes back to the side that it left, is no change. The time of a change is
-    the last at which theta2 passed 0 (or pi) on the way to the new side.
+    arm (`elbow_side`; the environments' infos count by the same rule). A motion within that band, and one that comes
+    back to the side that it left, is no change. The time of a change is the last at which theta2 passed 0 (or pi) on
+    the way to the new side.
 
     Args:
         run: any run, sampled finely enough that theta2 moves by less than pi between two instants.

@@ -26,8 +26,8 @@ class Rest(NamedTuple):
         end: when it left, or the record ended [s].
         settling_time: from the arrival until the tip's distance from the reference stays within the band [s]; inf if it
             does not before the reference leaves.
-        vibration: r.m.s. distance of the tip from its mean place in that time [m].
-        swing: peak to peak of the deflection of the links' tips in that time [m].
+        vibration: r.m.s. distance of the tip from its mean place over the whole rest [m].
+        swing: peak to peak of the deflection of the links' tips over the whole rest [m].
     """
 
     begin: float
@@ -69,11 +69,11 @@ def rests(
 def bending_moment(arm: FlexibleArm, q: Array) -> Array:
     """Return the largest magnitude along each link of the bending moment ``EI w''`` [N m]. Shape (..., 2).
 
-    It is that of the modal coordinates. An arm declares no thickness h, so that there is no strain ``h w'' / 2``: the
-    moment is what a strain gauge reads, but for a factor.
+    It follows from the modal coordinates. An arm has no thickness h, hence no strain ``h w'' / 2``; a strain gauge's
+    reading is proportional to the moment.
 
     Args:
-        arm: whose shapes and flexural rigidity.
+        arm: whose shapes and flexural rigidities are taken.
         q: joint angles [rad] and modal coordinates. Shape (..., 2 + 2 m).
     """
     m = arm.parameters.modes_per_link

@@ -13,8 +13,8 @@ def summary(run: Trajectory) -> dict[str, object]:
     """Return the figures that every run is reported with; plain numbers, lengths in m, torques in N m.
 
     A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
-    that it survived would compare well with those of a whole run. Those after 2 s, the start's transient, are None for
-    a run that is shorter.
+    that it survived would compare well with those of a whole run. The figures after 2 s leave out the transient of the
+    start; they are None for a shorter run.
     """
     early, figures = ended_early(run), figures_so_far(run)
     rigid = tracking_error(run, "rigid")

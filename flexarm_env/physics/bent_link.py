@@ -23,12 +23,12 @@ from flexarm_env.physics.linear_algebra import Vector, dot, place, products, sym
 
 
 class PointShape(NamedTuple):
-    """A point of a link, or the sum of its mass over points (then with a moment for each distance).
+    """A point of a link; or the integrals of these quantities over a link's mass (`Constants.moment_2`) [kg m].
 
     Attributes:
         distance: x, along the root tangent [m].
-        values: phi_i.
-        foreshortening: S, lower triangle; empty with linear kinematics.
+        values: phi_i [m].
+        foreshortening: S, lower triangle [m]; empty with linear kinematics.
     """
 
     distance: Any
@@ -64,13 +64,13 @@ def bent(at: PointShape, q: Vector) -> DeformedPoint:
 
 
 def velocity_acceleration(at: PointShape, point: DeformedPoint, rates: Vector, turn: Any) -> tuple[Any, Any]:
-    """Return the acceleration of a place at v' = 0, against the root tangent and against its normal [m/s^2].
+    """Return the components of a place's acceleration at v' = 0 along -e and -n, root tangent and normal [m/s^2].
 
     Args:
         at: the place.
-        point: the place, bent.
-        rates: modal rates.
-        turn: angular velocity of the root tangent.
+        point: the same place of the bent link (`bent`).
+        rates: modal rates [1/s].
+        turn: angular velocity of the root tangent [rad/s].
     """
     turned, square = [2.0 * turn * rate for rate in rates], turn * turn
     along = dot(point.values, turned, point.along * square)
@@ -79,17 +79,17 @@ def velocity_acceleration(at: PointShape, point: DeformedPoint, rates: Vector, t
 
 
 class Link(NamedTuple):
-    """Inertia of one link with what is fixed to it.
+    """Inertia of one link with what is fixed to it; all in kg m^2.
 
     Attributes:
-        inertia: about the root, unbent [kg m^2].
+        inertia: about the root, unbent.
         coupling: moment of inertia between root rotation and each mode, unbent.
         mass: modal mass matrix, lower triangle.
         centrifugal: the same without rotary inertias at the tip, which have no centrifugal effect, and less the
             integral of x S over mass, by which foreshortening brings mass closer to the root; lower triangle.
-        cubic: T, for each mode a lower triangle; empty with linear kinematics, as are:
-        crossed: ``T_k,ji - T_j,ki`` for each two modes k > j, a number for each mode i.
-        quartic: G, the lower triangle of a matrix over pairs of modes.
+        cubic: T, for each mode a lower triangle; empty with linear kinematics.
+        crossed: ``T_k,ji - T_j,ki`` for each two modes k > j, a number for each mode i; empty with linear kinematics.
+        quartic: G, the lower triangle of a matrix over pairs of modes; empty with linear kinematics.
     """
 
     inertia: Any
@@ -114,7 +114,7 @@ def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
 
 
 def _spread(link: Link, q: Vector) -> tuple[list[Any], list[Any]]:
-    """Return what bending adds to a unit centrifugal field's forces to first and, twice as much, to third order."""
+    """Return C q and Z q q, C the `centrifugal` matrix: a unit centrifugal field's modal forces are C q + Z q q / 2."""
     more = symmetric_times(_added_mass(link, q), q) if link.quartic else [0.0] * len(q)
     return symmetric_times(link.centrifugal, q), more
 
@@ -140,8 +140,8 @@ def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[An
     Args:
         link: the link.
         q: modal coordinates.
-        rates: rates of the coordinates.
-        turn: angular velocity of the root tangent.
+        rates: rates of the coordinates [1/s].
+        turn: angular velocity of the root tangent [rad/s].
     """
     turned, square, out = [2.0 * turn * rate for rate in rates], turn * turn, centrifugal_forces(link, q)
     root: Any = 0.0
@@ -154,9 +154,9 @@ def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[An
 
 
 def kinetic_gradient(link: Link, q: Vector, rates: Vector, turn: Any) -> list[Any]:
-    """Return the derivatives by q of a link's kinetic energy, its root at rest, at constant rates.
+    """Return the derivatives of a link's kinetic energy by q at constant rates, while its root does not move.
 
-    Args: as of `velocity_forces`.
+    Args: see `velocity_forces`.
     """
     out = centrifugal_forces(link, q)
     if not link.quartic:

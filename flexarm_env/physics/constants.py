@@ -37,9 +37,10 @@ class Constants(NamedTuple):
     payload at its tip; link 2 carries the elbow hub's inertia and the payload. ``centrifugal`` as in `bent_link.Link`;
     link 1's is ``mass_1`` with linear kinematics.
 
-    Nine of the last are empty with linear kinematics (`bent_link`): S at the elbow, of link 2 the integral of S over
-    mass, and what its moments become. The very last is empty without dry friction (`dynamics.dry_friction`): of each
-    joint Coulomb's level and what breakaway adds [N m], then one over the two rates of `ArmParameters` [s/rad].
+    The nine fields from ``elbow_foreshortening`` on are empty with linear kinematics: S at the elbow [m], link 2's
+    integral of S over mass [kg m], and the moments that `bent_link.Link` declares [kg m^2]. ``dry_friction`` is empty
+    without it (`dynamics.dry_friction`); else it has Coulomb's level and what breakaway adds to it, of the shoulder and
+    then of the elbow [N m], one over ``stribeck_velocity`` and one over ``friction_smoothing`` [s/rad].
     """
 
     elbow_distance: Any
@@ -81,7 +82,7 @@ class Constants(NamedTuple):
 
     @property
     def foreshortened(self) -> bool:
-        """Whether the kinematics are."""
+        """Whether the kinematics are foreshortened."""
         return bool(self.elbow_foreshortening)
 
     @property
@@ -91,7 +92,7 @@ class Constants(NamedTuple):
 
     @property
     def at_rest(self) -> Constants:
-        """What they are to first order about rest, where dry friction is viscous."""
+        """The constants to first order about rest, where dry friction is viscous."""
         if not self.dry:
             return self
         slopes = [(self.dry_friction[n] + self.dry_friction[n + 1]) * self.dry_friction[5] for n in (0, 2)]
@@ -111,7 +112,7 @@ class Constants(NamedTuple):
 
     @property
     def links(self) -> tuple[Link, Link]:
-        """Inertia of both links; link 1 has no rotary inertia at its tip."""
+        """Inertia of both links; with linear kinematics link 1 has no inertia at its tip that turns with it."""
         one = (self.centrifugal_1 or self.mass_1, self.cubic_1, self.crossed_1, self.quartic_1)
         two = (self.centrifugal_2, self.cubic_2, self.crossed_2, self.quartic_2)
         return (
@@ -182,7 +183,7 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
 class ConstantChanges(NamedTuple):
     """How an arm's constants change with `ARM_QUANTITIES`; flat as `Constants.flat`.
 
-    They are linear in the payload; damping is in its ratio, and grows with the root of the stiffness (`damping`).
+    They are linear in the payload. Damping is linear in its ratio and grows with the root of the stiffness (`damping`).
 
     Attributes:
         base: constants of the arm itself.
@@ -199,7 +200,7 @@ class ConstantChanges(NamedTuple):
     elastic: np.ndarray
 
     def constants(self, quantities: np.ndarray) -> np.ndarray:
-        """Constants of arms with these quantities.
+        """Return the constants of arms with these quantities.
 
         Args:
             quantities: in the order of `ARM_QUANTITIES`. Shape (n, 3).
@@ -222,7 +223,7 @@ class ConstantChanges(NamedTuple):
 
 
 def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> ConstantChanges:
-    """How the constants of an arm change with what may differ between arms of its kind."""
+    """Return how the constants of an arm change with what may differ between arms of its kind."""
 
     def flat(**changes: Any) -> np.ndarray:
         return np.array(arm_constants(replace(parameters, **changes), modes).flat())
@@ -240,7 +241,7 @@ def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkMode
 
 
 def _by_damping(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> np.ndarray:
-    """How the constants of an arm change with its damping ratio; flat as `Constants.flat`."""
+    """Return how the constants of an arm change with its damping ratio; flat as `Constants.flat`."""
     unit = replace(parameters, damping_ratio=1.0)
     foreshortened, dry = parameters.kinematics == "foreshortened", any(parameters.breakaway)
     sizes = Constants.sizes(parameters.modes_per_link, foreshortened, dry)
@@ -250,7 +251,10 @@ def _by_damping(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -
 
 
 def changes_of_like(parameters: ArmParameters, like: ConstantChanges) -> ConstantChanges:
-    """Return `constant_changes` of an arm of the same shapes as another one, a payload's part to rounding error."""
+    """Return `constant_changes` of an arm with the lengths and mode shapes of another, `like`.
+
+    The change with the payload is taken from `like`; it is the same to rounding error.
+    """
     modes = arm_modes(parameters)
     base = np.array(arm_constants(parameters, modes).flat())
     own = np.array([parameters.payload_mass, 1.0, parameters.damping_ratio])
@@ -258,12 +262,12 @@ def changes_of_like(parameters: ArmParameters, like: ConstantChanges) -> Constan
 
 
 def varied_constants(k: Constants, derivatives: Sequence[Constants], directions: Sequence[Any]) -> Constants:
-    """Constants that vary with each quantity, as dual numbers.
+    """Return constants as dual numbers that vary with each quantity.
 
     Args:
         k: constants.
         derivatives: their derivatives by each of `ARM_QUANTITIES`.
-        directions: under which the tangents are kept.
+        directions: names of the directions along which these quantities vary (`tangents.Dual`).
     """
     fields: dict[str, Any] = {}
     for name, own in k._asdict().items():

@@ -1,7 +1,7 @@
 """How much the links' damping is: one ratio, whatever the model.
 
 The ratio zeta (`ArmParameters.damping_ratio`) is that of the first elastic mode of the free arm: both joints turn
-freely and without friction, links are straight and in line (theta2 = 0), hubs and the elbow's mass are in place, the
+freely and without friction, links are straight and in line (theta2 = 0); hubs, elbow mass and housing are in place, the
 payload is not. To first order in the damping it is ``phi^T D phi / (2 omega)`` with the undamped mode phi,
 ``phi^T M phi = 1``, and its frequency omega; for "material" damping that is exact. The mode is computed from
 `MAX_MODES` polynomials a link, whatever shapes the arm itself has, so that arms which differ in their shapes alone,
@@ -46,7 +46,7 @@ class UnitDamping(NamedTuple):
 
 
 def unit_damping(parameters: ArmParameters) -> UnitDamping:
-    """Return the damping of an arm if its ratio were 1."""
+    """Return the damping that an arm has with a ratio of 1, whatever its own is."""
     p = parameters
     return _unit_damping(
         p.link_lengths, p.flexural_rigidities, p.masses_per_length, p.shoulder_hub_inertia, p.elbow_hub_inertia,

@@ -56,7 +56,7 @@ def public_coordinates(k: Constants, y: Vector) -> list[Any]:
 
 
 def elbow_turn(y: Vector) -> Any:
-    """Return a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
+    """Return a2 - a1 [rad] from internal coordinates y, of which a2 begins the second half."""
     return y[len(y) // 2] - y[0]
 
 
@@ -67,7 +67,7 @@ def generalised_torque(k: Constants, tau: Vector) -> list[Any]:
 
 
 def point_force(k: Constants, at: PointShape, y: Vector, force: Vector, axes: tuple[Any, Any, Any, Any]) -> list[Any]:
-    """Return the generalised force of a force at a point of link 2: the point's Jacobian transposed times it.
+    """Return the generalised force of a force at a point of link 2: the transposed Jacobian of the point times it.
 
     Args:
         k: constants.
@@ -173,8 +173,8 @@ def momentum(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any
 def kinetic_gradient(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
     """Return dT/dy at constant v, T = v^T M(y) v / 2.
 
-    The entries of a1 and a2 cancel, since a turn of the whole arm changes no energy: the sum of their momenta is the
-    integral of the shoulder's torque, however coarse a step.
+    The entries of a1 and a2 add up to 0, since a turn of the whole arm changes no energy. So the sum of their momenta
+    is the time integral of the shoulder's torque, however coarse a step is.
     """
     m = len(k.elbow_slopes)
     w1, w2 = v[0], v[m + 1]
@@ -207,8 +207,8 @@ def momentum_rate(
 ) -> list[Any]:
     """Return p' of the torque-driven arm; arguments as of `acceleration`.
 
-    ``p' = dT/dy + B (tau - friction) - K y - D v`` (Hamilton). The paper's C_r has no energy that it follows from: its
-    difference from the complete velocity forces is added.
+    ``p' = dT/dy + B (tau - friction) - K y - D v`` (Hamilton). The paper's C_r follows from no kinetic energy: with it
+    h - C_r is added.
     """
     cos, sin, sin_theta2 = angles
     gradient = kinetic_gradient(k, y, v, cos, sin)

@@ -13,7 +13,7 @@ Matrix = Sequence[Sequence[Any]]
 
 
 def dot(a: Vector, b: Vector, start: Any = 0.0) -> Any:
-    """Sum of products, in order, added to `start`: there one by one, since an addition alone takes as long as both."""
+    """Return `start` plus the products, added one by one: a fused multiply-add takes as long as an addition."""
     total = start
     for x, z in zip(a, b, strict=True):
         total = total + x * z
@@ -89,7 +89,7 @@ def solve(factors: Factors, right: Vector) -> list[Any]:
 
 
 def less(start: Any, a: Vector, b: Vector) -> Any:
-    """Subtract the products of two vectors from a number one by one: what waits for the last takes one operation."""
+    """Subtract the products of two vectors from a number, one by one: only one operation waits for the last factor."""
     for x, z in zip(a, b, strict=True):
         start = start - x * z
     return start

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Linearisation(NamedTuple):
-    """``d(state)/dt = A (state - state0) + B (torque - torque0) + rate0`` about an operating point.
+    """``d(state)/dt = A (state - state0) + B (torque - torque0) + rate`` about the point (state0, torque0).
 
     The state is ``(q, q')`` with q the joint angles [rad] and the modal coordinates, whose unit makes mode shape times
     coordinate a deflection [m]; [q] stands for the unit of each, n = 2 + 2 m for their number.

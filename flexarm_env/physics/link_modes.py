@@ -51,7 +51,7 @@ class CantileverShapes:
 
     Attributes:
         length: L [m].
-        scale: A.
+        scale: A [m].
         wavenumbers: lambda_i [1/m]. Shape (m,).
     """
 
@@ -75,7 +75,7 @@ class CantileverShapes:
 
 @dataclass(frozen=True, eq=False)
 class PolynomialShapes:
-    """Polynomials in x / L.
+    """Polynomials in x / L, in m.
 
     Attributes:
         length: L [m].
@@ -142,10 +142,10 @@ class LinkModes:
         frequencies: frequencies of the clamped-free link [rad/s] (5). Shape (m,).
         tip_values: phi_i(L) [m per unit modal coordinate]. Shape (m,).
         tip_slopes: phi_i'(L) [rad per unit modal coordinate]. Shape (m,).
-        first_moment: integral of rho phi_i. Shape (m,).
-        second_moment: integral of rho x phi_i. Shape (m,).
-        mass: integral of rho phi_i phi_j. Shape (m, m), diagonal to rounding error.
-        stiffness: integral of EI phi_i'' phi_i''. Shape (m,); the cross terms vanish.
+        first_moment: integral of rho phi_i [kg m]. Shape (m,).
+        second_moment: integral of rho x phi_i [kg m^2]. Shape (m,).
+        mass: integral of rho phi_i phi_j [kg m^2]. Shape (m, m), diagonal to rounding error.
+        stiffness: integral of EI phi_i'' phi_i'' [N m]. Shape (m,); the cross terms vanish.
     """
 
     length: float
@@ -205,7 +205,7 @@ def link_modes(
         flexural_rigidity: EI [N m^2].
         mass_per_length: rho [kg/m].
         count: number of modes, m.
-        scale: A (4).
+        scale: A (4) [m].
         mode_shapes: "cantilever" or "polynomial".
 
     Returns:
@@ -234,10 +234,11 @@ class ForeshorteningMoments:
     """Integrals of a link's foreshortening S over its mass and a point mass at its tip.
 
     Attributes:
-        mean: integral of S. Shape (m, m).
-        shortened: integral of x S. Shape (m, m).
-        cubic: integral of phi_k S. Shape (m, m, m).
-        quartic: integral of S_ij S_kl, over pairs of modes i >= j, k >= l in lower-triangle order. Shape (p, p).
+        mean: integral of S [kg m]. Shape (m, m).
+        shortened: integral of x S [kg m^2]. Shape (m, m).
+        cubic: integral of phi_k S [kg m^2]. Shape (m, m, m).
+        quartic: integral of S_ij S_kl [kg m^2], over pairs of modes i >= j, k >= l in lower-triangle order. Shape
+            (p, p).
     """
 
     mean: Array

@@ -22,16 +22,17 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 @lru_cache(maxsize=256)
 def response(lag: float) -> tuple[float, float, float, float]:
-    """Return the share of its distance from a held command that the current loop's torque has in a step.
+    """Return which share of its distance from a held command the current loop's torque still has within a step.
 
-    At the start, middle and end of the step it is the parabola with the moments 0, 1 and 2 of ``exp(-t / T)``. The
-    Runge-Kutta method, which only sees these instants, then transfers the exact momentum whatever T is.
+    At the start, middle and end of the step the share is that of the parabola with the moments 0, 1 and 2 of
+    ``exp(-t / T)``. The Runge-Kutta method, which only sees these instants, then transfers the exact momentum whatever
+    T is.
 
     Args:
         lag: step over T; inf for an ideal motor.
 
     Returns:
-        Of the parabola at these instants; exactly, at the end.
+        The parabola at the step's start, middle and end, then the exact share at the end, exp(-lag).
     """
     end = float(np.exp(-lag))
     if lag > 1.0:

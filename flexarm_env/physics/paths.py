@@ -170,9 +170,9 @@ def figure_eight(parameters: SquareParameters) -> ReferencePath:
 
 
 def stops(parameters: SquareParameters) -> ReferencePath:
-    """Return the square with a rest at each corner: two thirds of a quarter lap on the side, the others at its end.
+    """Return the square with a rest at each corner: of a quarter lap two thirds move along a side, then one rests.
 
-    A side is travelled from rest to rest along the polynomial of fifth degree (minimum jerk).
+    The motion along a side is the polynomial of fifth degree from rest to rest (minimum jerk).
     """
     corners = square(parameters).table[:, 1:]
     side = np.minimum(np.arange(_STOP_POINTS) // (_STOP_POINTS // 4), 3)
@@ -227,6 +227,9 @@ def rounded(path: ReferencePath, corner_time: float) -> ReferencePath:
     Args:
         path: closed, or open, whose ends then stay as they are.
         corner_time: [s]; at most the time of the shortest side. 0: the path as it is.
+
+    Raises:
+        ValueError: if it is longer than the shortest side.
     """
     if corner_time == 0.0:
         return path

@@ -1,4 +1,4 @@
-"""The one rule that evaluates a path, a closed polyline, in the kernels and in plain Python (`paths`)."""
+"""The one rule that evaluates a path, a polyline travelled lap after lap, in kernels and in plain Python (`paths`)."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def segment_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
 
 @per_lane
 def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -> Four:
-    """Return the reference position and velocity on a closed polyline.
+    """Return the reference position and velocity on a polyline; at the end of a lap the next one begins.
 
     Args:
-        paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
+        paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one ending the lap.
             Shape (paths, n, 5).
         p: which of the paths. (A view of one would be counted by reference, which takes longer than all the rest.)
         time: where to evaluate [s].

@@ -48,7 +48,7 @@ def true_jacobian(k: Constants, at: PointShape, y: Sequence[Any], one: Pair, two
 
 
 def _turned_jacobian(part: DeformedPoint, turn: Pair) -> tuple[list[Any], list[Any]]:
-    """Rows of the derivatives of a bent link's point by the link's angle and modal coordinates."""
+    """Return the derivatives of a bent link's point by the link's angle and modal coordinates: rows for x and y."""
     sin, cos = turn
     modes = list(zip(part.values, part.foreshortening_gradient, strict=True))
     return (
@@ -69,7 +69,7 @@ def angles_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[A
 
 
 def point_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[Any], link: int = 2) -> list[Any]:
-    """Position and velocity of a point of a link, 1 or 2, with deflection."""
+    """Return x, y [m] and their rates [m/s] of a point of a link, 1 or 2, with deflection."""
     m = len(k.elbow_values)
     one = sincos(y[0])
     if link == 1:
@@ -114,8 +114,8 @@ class Quantity(NamedTuple):
     """What a sensor at a point of a link measures.
 
     Attributes:
-        formula: the numbers at an instant.
-        size: of a reading.
+        formula: returns a reading at an instant; of a position with its rates, which follow it.
+        size: how many numbers a reading has, without rates.
         accelerated: whether the formula needs the acceleration.
     """
 
@@ -183,7 +183,7 @@ class Truth(NamedTuple):
         state: public state.
         true_tip: with deflection [m].
         rigid_tip: by rigid kinematics (8), (9) [m].
-        deflection: deflection of each link's tip [m].
+        deflection: of each link's tip off its root tangent [m].
         deflection_rate: [m/s].
     """
 

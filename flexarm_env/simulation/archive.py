@@ -49,6 +49,10 @@ def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mappi
         version: version of the format.
         head: plain values (JSON).
         arrays: by name; "head" is taken.
+
+    Raises:
+        ValueError: if the head is longer than `LARGEST_HEAD`.
+        TypeError: if it has a value that JSON lacks.
     """
     text = json.dumps({"format": version, **head})
     if len(text) > LARGEST_HEAD:

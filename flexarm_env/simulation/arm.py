@@ -84,19 +84,19 @@ class FlexibleArm(FeedbackTorque):
     # --- equations -------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Return the mass matrix in public coordinates. Shape (..., 2 + 2 m, 2 + 2 m)."""
+        """Return the mass matrix in public coordinates [kg m^2]. Shape (..., 2 + 2 m, 2 + 2 m)."""
         y, cos, sin, _ = self._geometry(self._coordinates("q", q))
         internal = coordinates.stack_matrix(dyn.mass_matrix(self.constants, y, cos, sin))
         return self._to_internal.T @ internal @ self._to_internal
 
     def velocity_forces(self, q: ArrayLike, rates: ArrayLike) -> Array:
-        """Return the velocity forces C in ``tau = M q'' + C + D q' + K q`` (6). Shape (..., 2 + 2 m)."""
+        """Return the velocity forces C in ``B tau = M q'' + C + D q' + K q`` (6) [N m]. Shape (..., 2 + 2 m)."""
         q, rates = np.broadcast_arrays(self._coordinates("q", q), self._coordinates("rates", rates))
         h = self._velocity_forces(self._geometry(q), self._internal(rates))
         return coordinates.stack(h) @ self._to_internal
 
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
-        """Return q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
+        """Return q'' [rad/s^2, 1/s^2] under torques of Shape (..., 2) [N m]. Shape (..., 2 + 2 m)."""
         q, rates = self._split(state)
         tau = list(np.moveaxis(finite_rows("torque", torque, 2, LARGEST), -1, 0))
         return self._public_acceleration(q, rates, tau)
@@ -126,8 +126,8 @@ class FlexibleArm(FeedbackTorque):
         Args:
             q: coordinates. Shape (..., 2 + 2 m).
             link: 1 or 2.
-            s: distance from the link's root along its undeformed axis [m]. A number, or shape broadcasting with
-                q's leading axes.
+            s: distance from the link's root along its undeformed axis [m], within its length. A number, or an array
+                that broadcasts with q's leading axes.
 
         Returns:
             x, y [m]. Shape (..., 2).
@@ -191,7 +191,7 @@ class FlexibleArm(FeedbackTorque):
         return linearise(self.constants, self._elimination, self._complete, point, tau0)
 
     def output_jacobians(self, state: ArrayLike, sensor_position: float | None = None) -> tuple[Outputs, Outputs]:
-        """Joint angles, sensor, tips and deflections, and their derivatives by the state along a new last axis.
+        """Return joints, sensor, tips and deflections, and their derivatives by the state along a new last axis.
 
         Args:
             state: Shape (..., 4 + 4 m).
@@ -311,7 +311,7 @@ class FlexibleArm(FeedbackTorque):
         return dyn.internal_coordinates(self.constants, list(np.moveaxis(q, -1, 0)))
 
     def _geometry(self, q: Array) -> tuple[list[Any], Any, Any, Any]:
-        """Return y, cosine and sine of a2 - a1, sine of theta2; real or complex."""
+        """Return y, cosine and sine of a2 - a1, sine of theta2."""
         y = self._internal(q)
         between = y[self.parameters.modes_per_link + 1] - y[0]
         return y, np.cos(between), np.sin(between), np.sin(q[..., 1])

@@ -73,6 +73,10 @@ class FeedbackTorque(HeldTorque):
 
         Returns:
             States and torques, new.
+
+        Raises:
+            ValueError: for bad input, gains without references (or the reverse), or more than `MOST_NUMBERS`; a step
+                too long is refused with the longest that is allowed.
         """
         tables = self._tables(torques, gains, references, torque_gains)
         before = finite_rows("torque_before", torque_before, 2, LARGEST)
@@ -143,7 +147,7 @@ def _sequences(name: str, value: ArrayLike, count: int | None, last: tuple[int, 
 
 
 def _shared_or_each(array: Array, own: tuple[int, ...], leading: tuple[int, ...]) -> Array:
-    """One entry for each arm, or one for all. Shape (arms or 1, ...)."""
+    """Return one entry for each arm, or one for all. Shape (arms or 1, ...)."""
     rest = array.shape[len(own) :]
     if all(n == 1 for n in own):
         return array.reshape(1, *rest)

@@ -154,7 +154,7 @@ class HeldTorque(ABC):
         stiffness: ArrayLike | None = None,
         damping: ArrayLike | None = None,
     ) -> StepJacobians:
-        """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
+        """Compute `step` and its derivatives, exact to rounding error; arguments and errors as there."""
         given = payload_mass, stiffness, damping
         arms, torques = self._driven(state, torque, given)
         h, steps = self._steps(period, step, given)
@@ -207,7 +207,7 @@ class HeldTorque(ABC):
         return constant_changes(self.parameters, self.modes)
 
     def _steps(self, period: float, step: float, quantities: tuple[ArrayLike | None, ...]) -> tuple[float, int]:
-        """Length and number of the steps of a period.
+        """Return the length [s] and the number of the steps of a period.
 
         The arm's fastest rate grows with the root of the stiffness, with damping, and as the payload falls.
         """
@@ -231,14 +231,14 @@ class HeldTorque(ABC):
         return self._kernel_inputs(self.changes.own[None])
 
     def _inputs_of(self, quantities: Array) -> tuple[Array, Array]:
-        """`_kernel_inputs`; a controller asks for the same few rows several times in a period."""
+        """Return `_kernel_inputs`, kept for the next call: a controller asks for the same few rows again and again."""
         if (latest := self._latest) is None or not np.array_equal(latest[0], quantities):
             latest = quantities, self._kernel_inputs(quantities)
             self._latest = latest if len(quantities) <= KEPT else None
         return latest[1]
 
     def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
-        """Constants of arms with these quantities for the kernels (`layout.arm_rows`), and their derivatives.
+        """Return the constants of arms with these quantities (`layout.arm_rows`), and their derivatives.
 
         Args:
             quantities: Shape (n, 3).
@@ -260,7 +260,7 @@ class HeldTorque(ABC):
         quantities: tuple[ArrayLike | None, ...],
         **others: tuple[int, ...],
     ) -> tuple[Arms, Array]:
-        """`_arms`, and the torque of each [N m]. Shape (n, 2)."""
+        """Return `_arms`, and the torque of each [N m]. Shape (n, 2)."""
         torques = finite_rows("torque", torque, 2, LARGEST)
         arms = self._arms(state, {"torque": torques.shape[:-1], **others}, quantities)
         return arms, _rows(torques, arms.leading)
@@ -307,7 +307,7 @@ def step_each(arms: Sequence[HeldTorque], state: Array, torque: Array, period: f
     """Return `HeldTorque.step` of arms that differ in numbers alone. Shape (arms, n, 4 + 4 m).
 
     Args:
-        arms: the first is asked whether the step is too long.
+        arms: of one number of modes, kinematics and velocity forces; only the first one's longest step is checked.
         state: of all of them. Shape (n, 4 + 4 m).
         torque: on all of them. Shape (n, 2).
         period: see `HeldTorque.step`.
@@ -334,7 +334,7 @@ def _loaded(
 
 
 def _rows(array: Array, leading: tuple[int, ...]) -> Array:
-    """One row for each arm, new; kernels are compiled for arrays of this kind. Shape (n, entries)."""
+    """Return one row for each arm, new and in C order, as kernels require. Shape (n, entries)."""
     whole = np.broadcast_to(array, (*leading, array.shape[-1]))
     return np.array(whole, order="C").reshape(-1, array.shape[-1])
 

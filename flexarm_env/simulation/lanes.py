@@ -158,7 +158,7 @@ class LaneBatch(ABC):
         self._kernel = kernel
 
     def _run_starts(self) -> Array:
-        """Have the lanes that are marked to start do so, while no time passes; see `_run`."""
+        """Start the lanes that are marked, while no time passes; see `_run`."""
         self._prepare()
         self._header[word.DRIVING] = 0
         try:
@@ -167,7 +167,7 @@ class LaneBatch(ABC):
             self._header[word.DRIVING] = 1
 
     def _run(self) -> Array:
-        """One control period, and the starts that are marked; what is known then, in a new array. Shape (N, k)."""
+        """Run one control period, and the starts that are marked; return the results, a new array. Shape (N, k)."""
         results = np.empty((self._results.stop - self._results.start, self._blocks * self._variant.lanes))
         if self._threads == 1:
             self._kernel(self._memory, 0, self._blocks, results)
@@ -194,7 +194,7 @@ class LaneBatch(ABC):
         """Return the arguments from which a copy is made."""
 
     def _kept(self) -> dict[str, Any]:
-        """Attributes that a copy takes over, beside the memory."""
+        """Return the attributes that a copy takes over, beside the memory."""
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def _not_started(*arguments: Any) -> None:
 
 
 def _lay_out(lanes: Lanes, blocks: int) -> tuple[Array, dict[str, ArraySpec]]:
-    """Memory with the header and the arrays, and where each lies; the header says it to the kernels."""
+    """Return memory with the header and the arrays, and where each lies; kernels read these places in the header."""
     variant, width = lanes.variant, lanes.variant.lanes
     arrays: dict[str, NDArray[Any]] = {
         "HEADER": lanes.header,  # kernels find it at the beginning

@@ -28,7 +28,11 @@ def state_limits(arm: FlexibleArm) -> Array:
 
 
 def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> NDArray[np.float64]:
-    """Return the state at rest with straight links and the tip at a point [m]. Shape (4 + 4 m,)."""
+    """Return the state at rest with straight links and the tip at a point [m]. Shape (4 + 4 m,).
+
+    Raises:
+        ValueError: if the point is out of reach.
+    """
     state = np.zeros(2 * arm.size)
     state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
     return state

@@ -14,7 +14,7 @@ from flexarm_env.physics.linearisation import straight_arms
 from flexarm_env.simulation.arm import FlexibleArm
 
 Gains = tuple[float, float]  # of shoulder and elbow
-# Longest h |pole| that is allowed, by the integrator of an action mode (`actions.ActionMode`): RK4 is stable up to 2.78
+# Largest h |pole| that is allowed, by the integrator of an action mode (`actions.ActionMode`): RK4 is stable up to 2.78
 # (real) and 2.83 (imaginary), the explicit part of ARS(4,4,3) up to 1.57; large vibrations need a margin.
 STABLE_ANGLE = {"explicit": 2.0, "implicit": 1.2}
 ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
@@ -36,9 +36,9 @@ class Integration(NamedTuple):
     """How the arm is integrated.
 
     Attributes:
-        method: its name.
-        order: of the method.
-        step: [s].
+        method: name of the method.
+        order: its order.
+        step: integration step [s].
         substeps: steps in a control period.
         expected_error: of the tip after a second of full random torques (`step_error`) [m]; None under the
             paper's law, where the functions here bound it.
@@ -52,7 +52,7 @@ class Integration(NamedTuple):
 
 
 def extreme_arms(settings: Any) -> list[ArmParameters]:
-    """Return the stiffest and lightest arm that an episode may draw, near rest and as its joints slide.
+    """Return the stiffest, lightest and most damped arm that an episode may draw, near rest and as its joints slide.
 
     Near rest dry friction is viscous. The torque-speed line is a slope of the torque as well, where it limits; twice
     that slope, since the torque has a corner where the line begins (tests/episode/test_motors.py).
@@ -87,7 +87,7 @@ def fastest_rates(settings: Any) -> tuple[float, ...]:
 
 @lru_cache(maxsize=256)
 def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> tuple[float, ...]:
-    """Fastest mode of an arm, and its fastest poles under an inner law with these gains [rad/s]."""
+    """Return the rates of an arm's fastest mode and, with gains, of its fastest pole under that inner law [rad/s]."""
     arm = FlexibleArm(parameters)
     if gains is None:
         return (arm.fastest_rate(),)
