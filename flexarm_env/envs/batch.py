@@ -6,7 +6,7 @@ Single and vector environments both use it: a single environment is a batch of o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, ex
 from flexarm_env.kernels.layout import sizes_between
 from flexarm_env.kernels.states import failures
 from flexarm_env.kernels.variants import Variant, shared_model
+from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
 from flexarm_env.validation import shown
@@ -238,7 +239,7 @@ class BatchSimulator(LaneBatch):
 
     def set_states(self, given: Any, rows: NDArray[np.int64]) -> Words:
         """Set some environments to states, and return these (`states.States`). Shape (1 or n, k)."""
-        states = self._states.checked(given, len(rows))
+        states = self._states.checked(given, rows)
         self._set_plant_state(self._states.write(states, rows))
         if self._variant.payloads and self.draws.further:  # what the payload changes follows from them
             self._put_constants(rows)
@@ -254,7 +255,7 @@ class BatchSimulator(LaneBatch):
             *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
             *(self.observations, self._paths, self._reset_requests[:, self.draws.first :]),
         )
-        return States(views, self._variant, self._fixed, len(self._plant_state()), self.settings.has_own_path)
+        return States(views, self._variant, self._fixed, len(self._plant_state()), self.each)
 
     def _plant_state(self) -> Array:
         """Return what another engine's plant adds to a state. Shape (k,)."""

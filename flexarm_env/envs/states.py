@@ -7,8 +7,8 @@ limits, gains, noise and the ranges of what is drawn are those of the environmen
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from hashlib import sha256
 from typing import Any, NamedTuple
 from zlib import crc32
@@ -16,6 +16,9 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.envs.kernel_inputs import fixed_rows
+from flexarm_env.envs.quantities import SHARED_BY_ARMS
+from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import Setting, clock_row, word
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.validation import shown
@@ -24,6 +27,11 @@ Words = NDArray[np.uint64]
 Indices = NDArray[np.int64]
 # Words of the header on which the meaning of a state's words depends.
 _MEANING = ("SUBSTEPS", "CHANNELS", "KEPT_ACTIONS", "PREVIEWS", "COMMANDS", "SHIFTING", "PATH_NAMES")
+# Rows of the arena that say what is read, where no episode changes them.
+_READ = (
+    *("LAP", "LINK_FRAME", "RATE_LATE", "SENSOR_POINT_DISTANCE", "SENSOR_DISTANCE", "NOMINAL_DELAY"),
+    *("FURTHER_LINK", "FURTHER_DISTANCE", "FURTHER_DELAY", "NOMINAL_FURTHER_DELAY"),
+)
 _CHECK, _STAMP, _READINGS = 0, 1, 2  # places of a state's first words
 GENERATOR = slice(3, 8)  # the generator of the keys of later episodes (`seeding.generator_words`)
 _FIRST = 8
@@ -58,7 +66,9 @@ class Views(NamedTuple):
 class States:
     """Reads and writes the states of a batch's environments."""
 
-    def __init__(self, views: Views, variant: Variant, fixed: frozenset[str], beside: int, own: bool) -> None:
+    def __init__(
+        self, views: Views, variant: Variant, fixed: frozenset[str], beside: int, each: Sequence[Settings]
+    ) -> None:
         """Find the places of everything.
 
         Args:
@@ -66,8 +76,9 @@ class States:
             variant: of its kernels.
             fixed: names of the rows that no episode changes, which stay where they are.
             beside: words that another engine's plant adds.
-            own: whether each lane has a path of its own.
+            each: settings of each environment.
         """
+        own = each[0].has_own_path  # each lane has memory for its path
         self._views = views
         self._lanes = lanes = views.arenas.shape[2]
         blocks = len(views.arenas)
@@ -92,13 +103,15 @@ class States:
         header = views.header
         paths = None if own else views.paths.tobytes()
         meaning = (
-            *(replace(variant, lanes=1, disturbed=False).kind, variant.rows, variant.own_paths),
+            *(_compiled(variant), variant.rows),
             *(sorted(fixed), self.size),  # a set has another order in another process
             *((name, int(header[getattr(word, name)])) for name in _MEANING),
             *(header[word.PLACES :].tobytes(), views.paths.shape[1:], paths, views.histories.shape[1:3]),
             *(float(views.settings[Setting.layout(variant.shape)[name][0]]) for name in ("STEP", "PERIOD")),
         )
-        self._stamp = np.frombuffer(sha256(repr(meaning).encode()).digest()[:8], np.uint64)[0]
+        kinds = {id(one): one for one in each}
+        stamps = {name: _stamp((meaning, _own_meaning(one, fixed))) for name, one in kinds.items()}
+        self._stamps = np.array([stamps[id(one)] for one in each], np.uint64)
 
     def read(self, rows: Indices, generators: Words, beside: NDArray[np.float64]) -> Words:
         """Return the states of some environments.
@@ -111,7 +124,7 @@ class States:
         views = self._views
         block, lane = np.divmod(rows, self._lanes)
         states = np.empty((len(rows), self.size), dtype=np.uint64)
-        states[:, _STAMP] = self._stamp
+        states[:, _STAMP] = self._stamps[rows]
         states[:, _READINGS] = views.header[word.KEPT_READINGS : word.KEPT_READINGS + 1].view(np.uint64)
         states[:, GENERATOR] = generators
         for place, part in self._parts:
@@ -166,28 +179,30 @@ class States:
         count = self._views.histories.shape[1]
         return (self._views.clocks[block, clock_row.HEAD, 0][:, None] - np.arange(count)) % count
 
-    def checked(self, given: Any, count: int) -> Words:
+    def checked(self, given: Any, rows: Indices) -> Words:
         """Return states as `write` takes them.
 
         Args:
             given: one state, or one for each of the environments that are set.
-            count: number of these environments.
+            rows: indices of these environments. Shape (n,).
 
         Raises:
             TypeError, ValueError: for anything else, for states of environments with other options, or damaged ones.
         """
         if not isinstance(given, np.ndarray) or given.dtype != np.uint64:
             raise TypeError(f"state = {shown(given)}: must be an array of uint64 that get_state() has returned")
+        count = len(rows)
         states = np.ascontiguousarray(given[None] if given.ndim == 1 else given)
         if states.ndim != 2 or len(states) not in (1, count):
             allowed = "(k,)" if count == 1 else f"(k,) or ({count}, k)"
             raise ValueError(f"state: must have shape {allowed}, got {given.shape}")
         for n, state in enumerate(states):
-            if len(state) <= _STAMP or state[_STAMP] != self._stamp or len(state) != self.size:
+            wanted = self._stamps[rows if len(states) == 1 else rows[n : n + 1]]
+            if len(state) != self.size or np.any(wanted != state[_STAMP]):
                 raise ValueError(
                     f"state[{n}]: is of an environment with other options; those that decide what is simulated, "
-                    "observed and kept (arm's shapes, action_mode, sensors, observation, reference, control_period, "
-                    "delays, physics_step, names in randomisation) must be the same"
+                    "observed and kept (arm's shapes and kinematics, action_mode, feedback_source, sensors, delays, "
+                    "observation, reference, control_period, physics_step, names in randomisation) must be the same"
                 )
             if state[_CHECK] != _sum(state):
                 raise ValueError(f"state[{n}]: its check sum is wrong; must be as get_state() has returned it")
@@ -204,6 +219,24 @@ def _runs(variant: Variant, fixed: frozenset[str], end: int) -> Iterator[tuple[i
             begin = first + count
     if end > begin:
         yield begin, end
+
+
+def _compiled(variant: Variant) -> list[tuple[str, Any]]:
+    """Return what kernels are compiled for, other than lanes and disturbances, with the program by its name."""
+    values = {one.name: getattr(variant, one.name) for one in fields(variant)} | {"program": variant.kind}
+    return [(name, value) for name, value in values.items() if name not in ("lanes", "disturbed")]
+
+
+def _own_meaning(settings: Settings, fixed: frozenset[str]) -> tuple[Any, ...]:
+    """Return what else the numbers of an environment's state mean: shapes of its arm, readings, observations."""
+    arm, rows = settings.flexible_arm.parameters, fixed_rows(settings)
+    read = [(name, list(map(float, rows[name]))) for name in _READ if name in fixed]
+    previews = settings.previews if "previews" in settings.observation else ()
+    return ([getattr(arm, name) for name in SHARED_BY_ARMS], read, settings.scaled, previews)
+
+
+def _stamp(meaning: tuple[Any, ...]) -> int:
+    return int.from_bytes(sha256(repr(meaning).encode()).digest()[:8], "little")
 
 
 def _sum(state: Words) -> int:

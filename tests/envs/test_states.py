@@ -10,7 +10,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_draws import ALL, EITHER
 from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
+from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, in_fresh_process, vector
 from tests.support.refusals import label, refuses
 
 ONE_MODE = {"modes_per_link": 1}
@@ -105,6 +105,14 @@ def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
     [
         ({"delay": 0.05}, None, "is of an environment with other options"),
         ({"reference": "circle"}, None, "is of an environment with other options"),
+        ({"sensor": "rigid"}, None, "is of an environment with other options"),
+        ({"arm": {"preset": "linear", "mode_shapes": "polynomial"}}, None, "is of an environment with other options"),
+        ({"arm": {"preset": "linear", "link_lengths": (4.5, 4.6)}}, None, "is of an environment with other options"),
+        ({"arm": {"preset": "linear", "velocity_forces": "rigid"}}, None, "is of an environment with other options"),
+        ({"sensor_position": 4.4, "delay": 0.031}, None, "is of an environment with other options"),
+        ({"delay": 0.0311}, None, "is of an environment with other options"),
+        ({"scaled": False}, None, "is of an environment with other options"),
+        ({"previews": (0.1, 0.2, 0.4, 0.9)}, None, "is of an environment with other options"),
         ({}, lambda state: state[:-1], "is of an environment with other options"),
         ({}, lambda state: state ^ (np.arange(len(state)) == 99).astype(np.uint64), "its check sum is wrong"),
         ({}, lambda state: state[None, None], r"must have shape \(k,\), got \(1, 1"),
@@ -120,6 +128,26 @@ def test_other_states_are_refused_and_change_nothing(options: dict[str, Any], ch
     with pytest.raises((TypeError, ValueError), match=message):
         env.set_state(change(state) if change else state)
     np.testing.assert_array_equal(env.get_state(), before)
+
+
+def test_environments_of_a_batch_that_read_differently_have_other_states() -> None:
+    envs = vector(SQUARE, 4, seed=0, per_env={"sensor_position": [4.5, 4.5, 2.0, 2.0], "delay": [0.03] * 4})
+    states = envs.get_state()
+    envs.set_state(states, [1, 0, 3, 2])
+    np.testing.assert_array_equal(envs.get_state([1, 0, 3, 2]), states)
+    for given, rows in ((states[0], [0, 2]), (states[:2], [1, 3])):
+        with refuses(ValueError, "is of an environment with other options"):
+            envs.set_state(given, rows)
+
+
+def test_a_state_goes_to_another_process() -> None:
+    code = (
+        "import gymnasium, flexarm_env; env = gymnasium.make('FlexArm/Square-v0', arm='linear').unwrapped; "
+        "env.reset(seed=5); print(env.get_state().tobytes().hex())"
+    )
+    state = np.frombuffer(bytes.fromhex(in_fresh_process(code)), np.uint64)
+    np.testing.assert_array_equal(state, bare(seed=5).get_state())
+    bare(seed=1).set_state(state)
 
 
 @pytest.mark.parametrize("rows", [[3], [-1], [0, 0], [], [0.0], 1, [True, False, True]])
