@@ -25,6 +25,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
+from flexarm_env.parameters import EITHER
 from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
@@ -61,18 +62,19 @@ def run_policy(
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
 
     Raises:
-        ValueError: if the policy's action 1 means another gain than the environment's, for another lap, or for a lap
-            beside options.
+        TypeError, ValueError: for other steps, another lap, or a lap beside options; also if the policy's action 1
+            means another gain than the environment's.
     """
     inner = getattr(env, "unwrapped", env)
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {shown(env)}: must be a FlexArmEnv, wrapped or not")
     options = _start(inner, options, lap)
+    limit = None if max_steps is None else integer("max_steps", max_steps, 1)
     predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
-    if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
-        max_steps = inner.lap_steps
-    if max_steps is None and env.spec is not None:
+    if limit is None and (env.spec is None or env.spec.max_episode_steps is None):
+        limit = inner.lap_steps
+    if limit is None and env.spec is not None:
         warn_of_short_limit(env.spec, env.spec.max_episode_steps, inner.lap_steps)
     observation, info = env.reset(seed=seed, options=options)
     arm = _episode_arm(inner.arm, inner.episode.parameters)
@@ -88,7 +90,7 @@ def run_policy(
             ended = end_reason(info["end_code"])
             break  # the last state is not one: the record ends before it
         rows.append(row)
-        ended = "truncated" if truncated or len(rows) - 1 == max_steps else None
+        ended = "truncated" if truncated or len(rows) - 1 == limit else None
     return _recorded(arm, {name: np.array([row[name] for row in rows]) for name in rows[0]}, ended)
 
 
@@ -97,7 +99,14 @@ def _start(env: FlexArmEnv | FlexArmVectorEnv, options: dict[str, Any] | None, l
         return {"start": "corner"} if options is None else options
     if options is not None:
         raise ValueError(f"lap = {shown(lap)} beside options = {shown(options)}: give one of them; a lap sets options")
-    return LAPS[choice("lap", lap, LAPS)].reset_options(env.settings.direction)
+    named, directions = LAPS[choice("lap", lap, LAPS)], [one.direction for one in env.simulator.each]
+    each = [named.reset_options(direction) for direction in directions]
+    if len(set(directions)) == 1:
+        return each[0]
+    found = {"start": "corner", "elbow_branch": [one["elbow_branch"] for one in each]}
+    if EITHER in directions:  # where a lap has a direction of its own
+        found["direction"] = [one.get("direction", own) for one, own in zip(each, directions, strict=True)]
+    return found
 
 
 def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
@@ -128,6 +137,18 @@ _SIGNALS = ("torque", "gain")  # of infos, over the period that ended
 
 def _row(info: dict[str, Any], reward: Any) -> dict[str, Any]:
     return {name: info[name] for name in (*_MEASURED, *_SIGNALS) if name in info} | {"reward": reward}
+
+
+def _of_the_step(infos: dict[str, Any], ended: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return what the step has led to, also where a batch has begun the next episode in it ("SameStep")."""
+    if "final_info" not in infos:
+        return infos
+    found, last = {}, infos["final_info"]
+    for name in (*_MEASURED, *_SIGNALS, "end_code"):
+        if name in infos:
+            mask = ended.reshape(-1, *[1] * (infos[name].ndim - 1))
+            found[name] = np.where(mask, last[name], infos[name])
+    return found
 
 
 def run_batch(
@@ -169,6 +190,7 @@ def run_batch(
     kept = np.full(envs.num_envs, steps + 1)  # instants of each record
     for done in range(1, steps + 1):
         observation, rewards, terminated, truncated, infos = envs.step(choose(observation))
+        infos = _of_the_step(infos, terminated | truncated)
         for name, values in _row(infos, rewards).items():
             records[name][done] = values
             if name in _SIGNALS:

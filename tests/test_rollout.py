@@ -67,11 +67,29 @@ def test_an_unstable_arm_ends_and_the_others_go_on() -> None:
     assert alone.notes == unstable.notes
 
 
+@pytest.mark.parametrize("steps", [60, 20])
+def test_a_batch_that_begins_anew_in_the_same_step_gives_the_same_records(steps: int) -> None:
+    """Episodes that terminate, and that are truncated."""
+    own = {"delayed": ["position+rate", "position"]}
+    found = [
+        run_batch(batch(2, own, autoreset_mode=mode, max_episode_steps=steps), [IFDC()] * 2, max_steps=steps + 5)
+        for mode in ("SameStep", "NextStep")
+    ]
+    assert found[0][1].notes["ended"] == "truncated"
+    assert (found[0][0].notes["ended"] == "truncated") == (steps == 20)
+    for run, same in zip(*found, strict=True):
+        assert run.notes == same.notes
+        for name, values in same.arrays().items():
+            np.testing.assert_array_equal(run.arrays()[name], values, err_msg=name)
+
+
 test_bad_input = refused(
     (lambda: run_policy(gymnasium.make("CartPole-v1"), IFDC()), "TypeError: FlexArmEnv"),
     (lambda: run_batch(make(), [IFDC()]), "TypeError: must be a FlexArmVectorEnv"),  # type: ignore[arg-type]
     (lambda: run_batch(batch(2), [IFDC()]), "policies: must be 2"),
     (lambda: run_batch(batch(2), [IFDC()] * 2, max_steps=0), "max_steps = 0"),
+    (lambda: run_policy(make(), IFDC(), max_steps=0), "max_steps = 0: must be an integer >= 1"),
+    (lambda: run_policy(make(), IFDC(), max_steps=2.5), "TypeError: max_steps = 2.5"),  # type: ignore[arg-type]
     (lambda: run_policy(make(gain_limit=20.0), IFDC()), r"policy\.gain_limit = 1\.0: .* 20\.0"),
     (lambda: run_policy(make(), IFDC(), lap="first"), "lap = 'first': .* 'swing', 'plain'"),
     (lambda: run_policy(make(), IFDC(), lap="swing", options={"time": 1.0}), "lap = 'swing' beside"),
@@ -101,6 +119,15 @@ def test_a_lap_has_its_side_of_the_elbow(lap: str, side: float) -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear", max_episode_steps=2)
     for seed in range(3):
         assert np.sign(run_policy(env, lambda observation: np.zeros(2), seed=seed, lap=lap).state[0, 1]) == side
+
+
+def test_in_a_batch_each_lap_has_the_side_of_its_direction() -> None:
+    own = {"direction": ["counterclockwise", "either", "clockwise"]}
+    envs = gymnasium.make_vec("flexarm_env:FlexArm/Square-v0", num_envs=3, arm="linear", per_env=own)
+    for lap, side in (("swing", 1.0), ("plain", -1.0)):
+        runs = run_batch(envs, [lambda observation: np.zeros((3, 2))] * 3, max_steps=1, lap=lap)
+        np.testing.assert_array_equal([np.sign(run.state[0, 1]) for run in runs], [-side, side, side])
+        assert envs.unwrapped.episode.direction.tolist() == ["counterclockwise", "clockwise", "clockwise"]
 
 
 def test_wrapped_observations_do_not_reach_the_record() -> None:
