@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexarm_env.validation import shown
 
 Predictor = Callable[[Any, Any, NDArray[np.bool_]], tuple[Any, Any]]
+_NAMES = ("state", "episode_start", "deterministic")  # after the observation, in this order
 _FORMS = (
     "must have predict(observation) or predict(observation, state, episode_start, deterministic), "
     "or be a function of an observation"
@@ -42,7 +43,7 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
             raise TypeError(f"policy = {shown(policy)}: {_FORMS}, its parameters are {signature}")
         return lambda observation, state, start: _pair(call(observation), state)
     signature = _signature(method)
-    if signature is None or _binds(signature, 4):
+    if signature is None or (_binds(signature, 4) and _in_order(signature)):
         return lambda observation, state, start: _pair(method(observation, state, start, deterministic), state)
     named = _named(signature)
     if not _binds(signature, 1, named):
@@ -67,7 +68,14 @@ def _named(signature: inspect.Signature) -> tuple[str, ...]:
     """Return the parameters after the first, the observation, that go by the names of stable-baselines3."""
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     others = [one.name for one in list(signature.parameters.values())[1:] if one.kind in by_name]
-    return tuple(name for name in ("state", "episode_start", "deterministic") if name in others)
+    return tuple(name for name in _NAMES if name in others)
+
+
+def _in_order(signature: inspect.Signature) -> bool:
+    """Return whether positional parameters with the names of stable-baselines3 have the places that they have there."""
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    found = [one.name for one in signature.parameters.values() if one.kind in positional]
+    return all(found.index(name) == place for place, name in enumerate(_NAMES, 1) if name in found[1:])
 
 
 def _binds(signature: inspect.Signature, count: int, named: tuple[str, ...] = ()) -> bool:

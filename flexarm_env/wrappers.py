@@ -48,7 +48,8 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Begin episodes; arguments as of the batch."""
-        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
+        given = (options or {}).get("reset_mask")
+        mask = np.ones(self.num_envs, dtype=bool) if given is None else np.asarray(given)
         observations, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
         self._past[mask] = observations[mask, None]
         self._beginning[mask] = False

@@ -38,6 +38,10 @@ def some_by_name(observation: Any, *, deterministic: bool = False, state: Any = 
     return full(observation, state, START, deterministic)
 
 
+def another_order(observation: Any, deterministic: bool = True, state: Any = None, episode_start: Any = None) -> Any:
+    return full(observation, state, episode_start, deterministic)
+
+
 def anything(*arguments: Any, **named: Any) -> Any:
     assert len(arguments) == 4
     return ACTION, None
@@ -47,7 +51,7 @@ def policy_of(predict: Any) -> Any:
     return SimpleNamespace(predict=predict)
 
 
-WITH_MEMORY = [full, lambda x, memory, first, calm: full(x, memory, first, calm), some_by_name]
+WITH_MEMORY = [full, lambda x, memory, first, calm: full(x, memory, first, calm), some_by_name, another_order]
 FORMS = [alone, *map(policy_of, (*WITH_MEMORY, alone, its_observation_is_called_state, anything))]
 
 

@@ -49,6 +49,13 @@ def test_each_arm_has_the_past_of_its_own_episode(mode: str, ages: tuple[int, ..
     assert finals > 3 or mode != "SameStep"
 
 
+def test_no_mask_is_a_reset_of_all() -> None:
+    envs = PastObservations(vector(), (0, 2))
+    envs.reset(seed=0)
+    seen, _ = envs.reset(options={"reset_mask": None})
+    np.testing.assert_array_equal(*np.split(seen, 2, axis=1))
+
+
 def test_bad_ages_are_refused() -> None:
     for ages in ([], [1, 0], [0, 0]):
         with refuses(ValueError, f"ages = {ages}: must increase"):

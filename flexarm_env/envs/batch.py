@@ -291,7 +291,8 @@ class BatchSimulator(LaneBatch):
     def path(self, index: int) -> Array:
         """Return the way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
-        return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], shown_rows(self.settings), 1:3])
+        rows = shown_rows(self.settings, self._paths.shape[1])
+        return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], rows, 1:3])
 
     def drawing(self, index: int, result: Array) -> Drawing:
         """Return where the lines of an environment's arm are, from its `result`."""

@@ -187,8 +187,7 @@ def _refuse_same_payloads(settings: Any) -> None:
 
 def _refuse_no_race(settings: Any) -> None:
     """Refuse what a race cannot have: its reference rests at first, on one of the closed paths, without a clock."""
-    if settings.start not in ("corner", "corners"):
-        raise ValueError(f"start = {settings.start!r}: a race begins at rest; must be 'corner' or 'corners'")
+    refuse_moving_race("start", settings.start)
     if not (settings.paths and "lap_time" not in settings.randomisation):
         raise ValueError(
             f"reference = {shown(settings.reference)}: a race needs paths that are given, and no lap_time in "
@@ -197,6 +196,12 @@ def _refuse_no_race(settings: Any) -> None:
     step = settings.reference_speed * settings.control_period
     if min(path.lap_time for path in settings.paths) <= step:
         raise ValueError(f"reference_speed = {settings.reference_speed} m/s: a lap must be longer than {step:g} m")
+
+
+def refuse_moving_race(label: str, start: str) -> None:
+    """Refuse a start of a race other than at rest."""
+    if start not in ("corner", "corners"):
+        raise ValueError(f"{label} = {start!r}: a race begins at rest; must be 'corner' or 'corners'")
 
 
 def _ends(settings: Any, name: str, own: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:

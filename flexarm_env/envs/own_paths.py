@@ -19,6 +19,7 @@ from flexarm_env.way_points import MOST, sampled
 Array = NDArray[np.float64]
 OF_EACH = ("moves", "drawn", "target")  # references with a path for each environment; such a one stands alone
 SIDES = 100  # of a drawn path, or as many as the one that is drawn when the environment is made
+_FURTHER = 5  # rows of a target's table beside its past and its previews: now, where it stops, the end of the lap
 FAR = 1e9  # when the lap of a target ends that the user has moved [s]
 
 
@@ -66,7 +67,7 @@ def rows_of(settings: Any) -> int:
     if settings.reference == ("drawn",):
         return 1 + max(SIDES, len(_drawn(settings, 0).table) - 1)
     _check_within("waypoints", np.array(settings.waypoints), settings)
-    return _past(settings) + len(_horizons(settings)) + 5
+    return _past(settings) + len(_horizons(settings)) + _FURTHER
 
 
 def first_rows(settings: Any, key: int, rows: int, chosen: int = 0) -> Array:
@@ -118,7 +119,7 @@ def moved(settings: Any, table: Array, now: Array, given: tuple[Any, Any, Any]) 
         now: present time of the paths [s]. Shape (n,).
         given: position, velocity and previews; see `FlexArmEnvBase.set_reference`, also for the errors.
     """
-    count, past, what = len(table), _past(settings), "of the reference"
+    count, past, what = len(table), _kept(settings, table.shape[1]), "of the reference"
     position, velocity = (
         _each(f"position {what}", given[0], (count, 2)),
         _each(f"velocity {what}", given[1], (count, 2)),
@@ -162,13 +163,24 @@ def _stop(sides: Array, settings: Any) -> Array:
     return np.hstack([sides[:, :1] + left, at + left * velocity, np.zeros_like(at)])
 
 
-def shown_rows(settings: Any) -> slice:
-    """Return the rows of the way-points that a picture shows: all, or where a target has just been."""
-    return slice(_past(settings) - 1, _past(settings) + 1) if settings.reference == ("target",) else slice(None)
+def shown_rows(settings: Any, rows: int) -> slice:
+    """Return the rows of the way-points that a picture shows: all, or where a target has just been.
+
+    Args:
+        settings: of the environment.
+        rows: of the table.
+    """
+    past = _kept(settings, rows)
+    return slice(past - 1, past + 1) if settings.reference == ("target",) else slice(None)
+
+
+def _kept(settings: Any, rows: int) -> int:
+    """Return how many sides of a target's past a table keeps: as many as any environment of a batch needs."""
+    return rows - len(_horizons(settings)) - _FURTHER
 
 
 def _past(settings: Any) -> int:
-    """Return how many sides of a target's past are kept, for readings that are late."""
+    """Return how many sides of a target's past an environment needs, for readings that are late."""
     return 2 * int(np.ceil(settings.history_slots / settings.substeps)) + len(_horizons(settings)) + 2
 
 

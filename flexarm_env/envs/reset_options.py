@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
-from flexarm_env.envs.consistency import NAMED, on_a_named_path
+from flexarm_env.envs.consistency import NAMED, on_a_named_path, refuse_moving_race
 from flexarm_env.envs.corners import further_draws
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES, START_CODES
@@ -59,6 +59,8 @@ def reset_requests_of(
         different = {(id(one), name): one for one, name in zip(simulator.each, names, strict=True)}
         for (_, name), one in different.items():
             check_moving_start(one, name)
+            if one.mode.races:
+                refuse_moving_race("options['start']", name)
         reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:
         if simulator.settings.mode.races:

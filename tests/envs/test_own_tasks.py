@@ -100,6 +100,17 @@ def test_a_target_that_is_moved_along_a_path_is_that_path() -> None:
         np.testing.assert_array_equal(infos["reference"][0], CORNERS[0])
 
 
+def test_the_latest_reading_of_a_batch_is_compared_with_where_its_target_was() -> None:
+    options: dict[str, Any] = {**TARGET, "observation": ["sensor_error"], **STILL}
+    alone = bare(TRACK, 1, **options, delay=0.2)
+    envs = vector(TRACK, 2, seed=0, **options, per_env={"delay": [0.0, 0.2]})
+    for n in range(60):
+        for each in (alone, envs):
+            each.set_reference([5.0, 0.001 * n * n], [0.0, 0.2 * n])
+        np.testing.assert_array_equal(envs.step(np.zeros((2, 2)))[0][1], alone.step(np.zeros(2))[0])
+        np.testing.assert_array_equal(envs.simulator.path(1), alone.simulator.path(0))
+
+
 def test_a_target_may_jump_and_stops_where_the_reach_ends() -> None:
     env = bare(TRACK, **TARGET, delay=0.03, observation=["sensor_error"], **STILL)
     env.step(np.zeros(2))

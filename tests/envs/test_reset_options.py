@@ -106,6 +106,7 @@ test_a_bad_option_of_a_batch_is_refused_and_nothing_moves = refused(
 test_options_that_settings_rule_out = refused(
     (("FlexArm/Reach-v0", {}, {"path": "square"}), r"options\['path'\] = 'square'.*has its own path"),
     (("FlexArm/Reach-v0", {}, {"direction": "clockwise"}), r"options\['direction'\] = 'clockwise'.*no effect"),
+    (("FlexArm/Race-v0", {}, {"start": "mix"}), r"options\['start'\] = 'mix': a race begins at rest; must be 'corner'"),
     ((SQUARE, {"sensor": "collocated"}, {"parameters": {"delay": 0.01}}), r"\['delay'\] = 0.01.*from 0 to 0"),
     by=lambda given: bare(given[0], **given[1]).reset(options=given[2]),
 )
