@@ -179,7 +179,7 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return gain_from_action(action, limit)
-    return np.asarray(_checked_range("action", action, -1.0, 1.0) * _checked_limit(limit))
+    return np.asarray(_checked_range("action", action, -1.0, 1.0) * _checked_limit("limit", limit))
 
 
 def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
@@ -195,7 +195,9 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return action_from_gain(value, limit)
-    return _checked_range("value / limit", np.asarray(value, dtype=np.float64) / _checked_limit(limit), -1.0, 1.0)
+    return _checked_range(
+        "value / limit", np.asarray(value, dtype=np.float64) / _checked_limit("limit", limit), -1.0, 1.0
+    )
 
 
 def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
@@ -208,7 +210,7 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
     Returns:
         Gains in [0, gain_limit], dimensionless, shape of ``action``.
     """
-    limit = _checked_limit(gain_limit)
+    limit = _checked_limit("gain_limit", gain_limit)
     values = _checked_range("action", action, -1.0, 1.0)
     return np.asarray(limit * (0.5 * (values + 1.0)))  # in this order: 1 gives the limit itself, never more
 
@@ -223,18 +225,18 @@ def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float
     Returns:
         Actions in [-1, 1], shape of ``gain``.
     """
-    limit = _checked_limit(gain_limit)
+    limit = _checked_limit("gain_limit", gain_limit)
     values = _checked_range("gain", gain, 0.0, limit)
     return np.asarray(2.0 * (values / limit) - 1.0)  # in this order: the limit gives 1 itself, never more
 
 
-def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64] | float:
-    if isinstance(gain_limit, float) and 0.0 < gain_limit < np.inf:
-        return gain_limit
-    limits = np.asarray(gain_limit, dtype=np.float64)
+def _checked_limit(name: str, limit: ArrayLike) -> NDArray[np.float64] | float:
+    if isinstance(limit, float) and 0.0 < limit < np.inf:
+        return limit
+    limits = np.asarray(limit, dtype=np.float64)
     valid = (limits > 0.0) & (limits < np.inf)
     if not valid.all():
-        raise ValueError(f"gain_limit = {float(limits[~valid].flat[0])!r}: must be a finite number > 0")
+        raise ValueError(f"{name} = {float(limits[~valid].flat[0])!r}: must be a finite number > 0")
     return limits
 
 

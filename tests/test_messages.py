@@ -200,5 +200,10 @@ def test_a_removed_name_says_what_is_there_in_its_place(name: str) -> None:
 def test_old_names_of_options_warn() -> None:
     with pytest.warns(DeprecationWarning, match="hold is now sensor_period"):
         assert Settings.of({"hold": 0.02}).sensor_period == 0.02
+    with pytest.raises(ValueError, match=r"hold = 0\.1 beside sensor_period: give sensor_period alone"):
+        Settings.of({"hold": 0.1, "sensor_period": 0.2})
+    with pytest.warns(DeprecationWarning, match="law_sensor is now feedback_source"):
+        env = gymnasium.make("FlexArm/Paper-v0", law_sensor="joints").unwrapped
+    assert env.settings.feedback_source == "joints"  # type: ignore[attr-defined]
     with pytest.warns(DeprecationWarning, match="inner_resistance is now inner_damping"):
         assert settings_of_each({"action_mode": "residual"}, {"inner_resistance": [(40.0, 30.0)] * 2}, 2, "batch")

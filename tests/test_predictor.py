@@ -1,6 +1,8 @@
 """The forms in which a policy may come and how each is called; the map between its actions and gains."""
 
 import inspect
+import re
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_env import run_policy
-from flexarm_env.actions import action_from_gain, gain_from_action
+from flexarm_env.actions import action_from_gain, action_from_physical, gain_from_action, physical_from_action
 from flexarm_env.predictor import predictor
-from tests.support.refusals import label, refused, refuses
+from tests.support.refusals import label, refused
 
 OBSERVATION, START = np.arange(3.0), np.ones(1, dtype=bool)
 ACTION = np.array([0.1, -0.2])
@@ -143,10 +145,15 @@ IMPOSSIBLE = [
         for function in (gain_from_action, action_from_gain)
         for bad in (0.0, -1.0, np.nan, np.inf)
     ),
+    *(
+        (partial(function, "torque"), [0.0, 0.0], bad, f"limit = {bad!r}: must be a finite number > 0")
+        for function in (physical_from_action, action_from_physical)
+        for bad in (0.0, -1.0)
+    ),
 ]
 
 
 @pytest.mark.parametrize(("function", "value", "gain_limit", "message"), IMPOSSIBLE, ids=label)
 def test_impossible_numbers(function: Any, value: Any, gain_limit: float, message: str) -> None:
-    with refuses(ValueError, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
         function(value, gain_limit)

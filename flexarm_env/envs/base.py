@@ -18,7 +18,6 @@ from flexarm_env.validation import mapping, real_array, shown
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 

@@ -252,6 +252,8 @@ def checked_changes(name: str, value: Any) -> tuple[tuple[float, float | None], 
         found.append((phase, mass))
     if len(found) < 2 or any(one[0] >= other[0] for one, other in pairwise(found)):
         raise ValueError(f"{name} = {shown(value)}: must be two changes at least, at shares that increase")
+    if (found[0][0], found[-1][0]) == (0.0, 1.0):
+        raise ValueError(f"{name} = {shown(value)}: must not be at shares 0 and 1, which are one moment of the lap")
     return tuple(found)
 
 

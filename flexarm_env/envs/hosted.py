@@ -112,10 +112,14 @@ class HostedSimulator(BatchSimulator):
         return self.plant.drawing()
 
     def _plant_state(self) -> Array:
-        if not hasattr(self.plant, "get_state"):
-            raise NotImplementedError(
-                f"{type(self.plant).__name__} has no get_state: states of this environment cannot be copied"
-            )
+        for name in ("get_state", "set_state"):
+            method = getattr(self.plant, name, None)
+            if method is None or getattr(method, "__func__", None) is getattr(
+                Plant, name
+            ):  # the protocol's does nothing
+                raise NotImplementedError(
+                    f"{type(self.plant).__name__} has no {name}: states of this environment cannot be copied"
+                )
         return self.plant.get_state()
 
     def _set_plant_state(self, state: Array) -> None:

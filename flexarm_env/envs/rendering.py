@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Color = tuple[int, int, int]
 Point = tuple[float, float]
 
-RENDER_MODES = ("human", "rgb_array")
+RENDER_MODES = ("rgb_array", "human")
 SIZE_LIMITS = (64, 2048)  # [px]; the canvas of the largest takes 150 MB
 SUPERSAMPLING = 3
 SIDE = 600.0  # of the picture [unit]

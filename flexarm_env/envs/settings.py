@@ -39,13 +39,17 @@ from flexarm_env.validation import known_names, shown
 OF_EPISODES = ("real_motors", "dry_joints", "pulsed", "drifting")  # what holds for all of an environment's episodes
 # Options of the last release, and their names now.
 OLD_NAMES = {"inner_resistance": "inner_damping", "law_sensor": "feedback_source", "hold": "sensor_period"}
+_OF_IDS = ("feedback_source",)  # an id has set it where a user gives the old name to `make`, which then counts
 
 
 def present_names(options: Mapping[str, Any], of_file: bool = False) -> dict[str, Any]:
-    """Return options by their present names; warn of old ones, unless a file has them."""
-    for name in () if of_file else options.keys() & OLD_NAMES:
-        message = f"{name} is now {OLD_NAMES[name]}; the old name goes with the next release"
-        warnings.warn(message, DeprecationWarning, stacklevel=4)
+    """Return options by their present names; warn of old ones, unless a file has them, and refuse both together."""
+    for old in [name for name in OLD_NAMES if name in options]:
+        if (new := OLD_NAMES[old]) in options and new not in _OF_IDS:
+            raise ValueError(f"{old} = {shown(options[old])} beside {new}: give {new} alone; {old} is its old name")
+        if not of_file:
+            message = f"{old} is now {new}; the old name goes with the next release"
+            warnings.warn(message, DeprecationWarning, stacklevel=4)
     return {OLD_NAMES.get(name, name): value for name, value in options.items()}
 
 

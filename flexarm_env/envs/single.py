@@ -21,13 +21,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, RENDER_MODES, FlexArmEnvBase, rounded
+from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
 from flexarm_env.envs.info import Episode, InfoMaker, episodes
 from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.registration import warn_of_short_limit
+from flexarm_env.envs.rendering import RENDER_MODES
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import generator_words, new_keys, set_generator
 from flexarm_env.envs.settings import Settings

@@ -26,13 +26,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, RENDER_MODES, FlexArmEnvBase, rounded
+from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
 from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
+from flexarm_env.envs.rendering import RENDER_MODES
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.states import GENERATOR, Words

@@ -59,13 +59,13 @@ def _simulator(env_id: str, options: dict[str, Any], size: int, threads: int) ->
         env = gymnasium.make(env_id, **options)
     else:
         if gymnasium.spec(env_id).vector_entry_point is None:
-            raise ValueError(f"num_envs: {shown(size)}: {env_id} has no batch of its own; must be 1")
+            raise ValueError(f"num_envs = {shown(size)}: must be 1; {env_id} has no batch of its own")
         way = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
         env = gymnasium.make_vec(env_id, num_envs=size, vectorization_mode=way, threads=threads, **options)
     found = env.unwrapped
     if not isinstance(found, FlexArmEnvBase):
         env.close()
-        raise ValueError(f"ids: {shown(env_id)} is no environment of FlexArm")
+        raise ValueError(f"ids = {shown(env_id)}: must be ids of environments of FlexArm")
     return found.simulator
 
 

@@ -34,7 +34,7 @@ from flexarm_env.kernels.recorded import elimination_kernel, momentum_kernel
 from flexarm_env.kernels.reference import invalidate_segment, path_time
 from flexarm_env.kernels.states import enter_state
 from flexarm_env.kernels.variants import Block, variant
-from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
+from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 
 CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
@@ -113,7 +113,7 @@ def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> t
     """Draw joint angles that put the tip at a point of the ring `Setting.MOVES`, by random numbers from `place` on."""
     low, high = settings[setting.MOVES], settings[setting.MOVES + 1]
     radius = sqrt(low * low + (high * high - low * low) * uniform(key, place))  # evenly by area
-    turn = sincos(6.283185307179586 * uniform(key, place + 1))
+    turn = sincos(TURN * uniform(key, place + 1))
     x, y = radius * turn[1], radius * turn[0]
     return joint_angles_for(settings[setting.LENGTHS], settings[setting.LENGTHS + 1], branch, x, y)
 
@@ -134,7 +134,7 @@ def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float, lap: 
     start = drawn_point(key, settings, branch, PLACE_MOVE)
     end = drawn_point(key, settings, branch, PLACE_MOVE + 2)
     way_1 = end[0] - start[0]
-    way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
+    way_1 -= TURN * floor(way_1 / TURN + 0.5)
     way_2 = end[1] - start[1]
     last = path.shape[0] - 1
     for n in range(last + 1):
@@ -308,7 +308,7 @@ def reference_reading(block: Block, i: int, back: float) -> Four:
         return point_on_reference(settings, arena[row.BRANCH, i], 2, arena[row.SENSOR_POINT_DISTANCE, i], reference)
     theta1, theta2, rate_1, rate_2 = joint_motion(settings, arena[row.BRANCH, i], reference)
     near = arena[row.REFERENCE_JOINTS, i]
-    return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
+    return theta1 + TURN * floor((near - theta1) / TURN + 0.5), theta2, rate_1, rate_2
 
 
 def seed_sensor(block: Block, i: int) -> None:

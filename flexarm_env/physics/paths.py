@@ -82,9 +82,12 @@ class ReferencePath:
         distances = np.linalg.norm(corners, axis=1)
         worst = int(np.argmax(distances))
         if miss := float(missed_by(arm, distances[worst])):
+            reaches = (
+                f"{arm.reach:.4g} m" if distances[worst] > arm.reach else f"no nearer than {arm.inner_reach:.4g} m"
+            )
             raise ValueError(
                 f"path: way-point {tuple(map(float, corners[worst]))} m is {distances[worst]:.4g} m from the "
-                f"shoulder; the tip reaches {arm.reach:.4g} m and misses it by {miss:.4g} m"
+                f"shoulder; the tip reaches {reaches} and misses it by {miss:.4g} m"
             )
         sides = np.diff(corners, axis=0)
         squared = np.maximum(np.sum(sides**2, axis=1), 1e-300)  # 0 where the reference waits

@@ -214,10 +214,9 @@ class HeldTorque(ABC):
         period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
         count = count_instants(period, step, 1, name="period")
         own, (payload, stiffness, damping) = self.parameters, quantities
-        # numpy 2.5 has no type for an extreme of `ArrayLike`
-        ratio = own.damping_ratio if damping is None else float(np.max(damping, initial=own.damping_ratio))  # type: ignore[arg-type, unused-ignore]
-        lightest = own.payload_mass if payload is None else float(np.min(payload, initial=own.payload_mass))  # type: ignore[arg-type, unused-ignore]
-        slower = 1.0 if stiffness is None else float(np.sqrt(np.max(stiffness, initial=1.0)))  # type: ignore[arg-type, unused-ignore]
+        ratio = own.damping_ratio if damping is None else float(np.max(np.asarray(damping), initial=own.damping_ratio))
+        lightest = own.payload_mass if payload is None else float(np.min(np.asarray(payload), initial=own.payload_mass))
+        slower = 1.0 if stiffness is None else float(np.sqrt(np.max(np.asarray(stiffness), initial=1.0)))
         if lightest < own.payload_mass and step <= self.longest_step(ratio, 0.0) / slower:
             return period / count, count  # short enough for any payload: each estimate's own rate is not needed
         if step > (longest := self.longest_step(ratio, lightest) / slower):

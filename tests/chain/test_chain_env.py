@@ -227,7 +227,7 @@ test_refusals = refused(
     (lambda: make(action_mode="residual"), "its law acts within the compiled arm"),
     (lambda: make(action_mode="gain", feedback_source="sensor"), "feedback_source = 'sensor': on a chain"),
     (lambda: make(chain_step=1e-6, physics_step=0.002), "take more than 1000 steps"),
-    (lambda: warm_up([CHAIN], num_envs=[4]), "has no batch of its own"),
+    (lambda: warm_up([CHAIN], num_envs=[4]), "num_envs = 4: must be 1; .* has no batch of its own"),
 )
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.drawing import Drawing, drawing_of
-from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.hosted import HostedSimulator, Plant
 from flexarm_env.envs.settings import Settings
 from flexarm_env.physics import sensing
 from tests.support.envs import Array
 from tests.support.plain import PlainEnvironment
-from tests.support.refusals import refused
+from tests.support.refusals import refused, refuses
 
 ONE_MODE = {"arm": {"modes_per_link": 1}}
 FURTHER_SENSORS = {
@@ -126,6 +126,14 @@ def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None
     with pytest.raises(ValueError, match="must be finite"):
         hosted.step()
     np.testing.assert_array_equal(hosted.result(0), before)
+
+
+@pytest.mark.parametrize("name", ["get_state", "set_state"])
+def test_a_plant_that_inherits_what_the_protocol_has_cannot_be_copied(name: str) -> None:
+    plant = type("Stub", (ModalPlant,), {name: getattr(Plant, name)})
+    hosted = HostedSimulator(Settings.of(ONE_MODE), plant(Settings.of(ONE_MODE)))
+    with refuses(NotImplementedError, f"Stub has no {name}: states of this environment cannot be copied"):
+        hosted.get_states(np.zeros(1, dtype=np.int64), np.zeros((1, 5), dtype=np.uint64))
 
 
 test_a_law_within_the_compiled_arm_is_refused = refused(

@@ -239,8 +239,8 @@ def test_without_pygame_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 test_bad_arguments_are_refused = refused(
-    (("ansi",), "render_mode = 'ansi'.*'human', 'rgb_array'"),
-    ((None,), "render_mode = None.*'human', 'rgb_array'"),
+    (("ansi",), "render_mode = 'ansi'.*'rgb_array', 'human'"),
+    ((None,), "render_mode = None.*'rgb_array', 'human'"),
     (("human", 63), "size = 63.*from 64 to 2048"),
     (("human", 2049), "size = 2049.*from 64 to 2048"),
     (("human", 600.0), "TypeError: size = 600.0.*an integer"),

@@ -51,7 +51,7 @@ def test_what_cannot_be_kept_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Non
 test_bad_input_is_refused = refused(
     ({"ids": SQUARE}, "TypeError: ids = "),
     ({"ids": []}, "ids = "),
-    ({"ids": ["CartPole-v1"]}, "'CartPole-v1' is no environment of FlexArm"),
+    ({"ids": ["CartPole-v1"]}, "ids = 'CartPole-v1': must be ids of environments of FlexArm"),
     ({"options": {"frames": "world"}}, "TypeError: frames"),
     ({"options": ["noise"]}, "TypeError: options = "),
     ({"num_envs": 8}, "TypeError: num_envs = 8"),

@@ -117,6 +117,7 @@ def test_what_does_not_fit_is_refused() -> None:
     for changes, words in (
         (((0.1, 0.5),), "two changes at least"),
         (((0.2, 0.5), (0.1, 0.0)), "shares that increase"),
+        (((0.0, 0.5), (1.0, 0.0)), "must not be at shares 0 and 1"),
         (((0.1, 0.5), (0.2,)), "a share of the lap and a mass"),
         (((0.1, 0.5), (1.2, 0.0)), "must be"),
         (((0.1, -0.5), (0.2, 0.0)), "must be"),

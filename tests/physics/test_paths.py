@@ -99,6 +99,7 @@ test_what_cannot_be_reached_is_refused = refused(
     (lambda: PAPER.check_reach(arm(4.0, 4.0)), r"\(-6\.3, -6\.3\).* misses it by 0\.9095 m"),
     (lambda: FAR.check_reach(arm(4.5, 4.5)), r"\(9\.5, 0\.0\) m is 9\.5 m .* misses it by 0\.5 m"),
     (lambda: AROUND_A_HOLE.check_reach(arm(8.0, 4.5)), r"at 3 m.* 3\.5 m away, which misses it by 0\.5 m"),
+    (lambda: AROUND_A_HOLE.check_reach(arm(8.0, 1.0)), r"is 4\.243 m .* no nearer than 7 m and misses it by 2\.757 m"),
     (lambda: inverse_kinematics(arm(5.0, 3.0), (9.0, 0.0)), r"point = \(9\.0, 0\.0\) m: out of .* reach by 1 m"),
     (lambda: inverse_kinematics(arm(5.0, 3.0), (0.0, 1.5)), r"point = \(0\.0, 1\.5\) m: out of .* reach by 0\.5 m"),
     (lambda: inverse_kinematics(arm(5.0, 3.0), (np.nan, 0.0)), "point"),
