@@ -12,7 +12,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache
 from math import log, sqrt
-from types import BuiltinFunctionType, CodeType, FunctionType, SimpleNamespace
+from types import BuiltinFunctionType, CellType, CodeType, FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from numba import njit, types
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-from flexarm_env.codegen import pipelines, rows, vectors
+from flexarm_env.codegen import memory, pipelines, rows, vectors
 from flexarm_env.codegen.cache import KernelFolder, check_compiler, keep
 from flexarm_env.codegen.declarations import (
     AnyVariant,
@@ -129,8 +129,7 @@ class Kernels:
             options = self._options(function) if isinstance(function, FunctionType) else None
             digest.update(repr((plain.__qualname__, options, plain.__defaults__)).encode())
             for code in _codes(plain.__code__):
-                constants = [one for one in code.co_consts if not isinstance(one, CodeType) and one != plain.__doc__]
-                digest.update(repr((code.co_code, constants, code.co_names, code.co_varnames)).encode())
+                digest.update(repr((code.co_code, _constants(code), code.co_names, code.co_varnames)).encode())
                 for name in code.co_names:
                     value = self._chosen(plain.__globals__.get(name))
                     if isinstance(value, FunctionType | Intrinsic | Recorded):
@@ -152,6 +151,8 @@ class Kernels:
             return repr([getattr(value, one, None) for one in code.co_names])
         if isinstance(value, int | float | tuple):
             return repr(value)
+        if isinstance(value, type):
+            return repr((name, getattr(value, "_fields", ())))
         if isinstance(value, BuiltinFunctionType | np.ufunc) and value not in _LIBRARY:
             raise TypeError(
                 f"{function.__qualname__}: {name} of a library: kernels do not call it (`compiler._LIBRARY`)"
@@ -173,9 +174,18 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
             yield from _codes(constant)
 
 
+def _constants(code: CodeType) -> list[Any]:
+    """Return the constants of a function's code, but for its docstring and the code of functions within."""
+    constants = [one for one in code.co_consts if not isinstance(one, CodeType)]
+    free = tuple(CellType() for _ in code.co_freevars)
+    if FunctionType(code, {}, closure=free).__doc__ is not None and code.co_name.isidentifier():
+        return constants[1:]  # that of a comprehension or lambda would be an ordinary text
+    return constants
+
+
 @cache
 def _own_source() -> bytes:
-    modules = (pipelines, rows, vectors, inspect.getmodule(Kernels))
+    modules = (memory, pipelines, rows, vectors, inspect.getmodule(Kernels))
     return "".join(inspect.getsource(module) for module in modules if module is not None).encode()
 
 

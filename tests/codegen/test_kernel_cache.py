@@ -20,7 +20,7 @@ import filelock
 import numba
 import pytest
 
-from flexarm_env.codegen import cache, cache_folder
+from flexarm_env.codegen import cache, cache_folder, compiler
 from flexarm_env.envs.single import FlexArmEnv
 from tests.codegen.conftest import Trap, give_away, raising, warnings_of, widen
 from tests.support.refusals import refuses
@@ -94,6 +94,30 @@ def test_functions_of_a_file_are_kept_until_the_file_is_edited(
     assert after_next(FILE.replace("x + 1.0", "x + 2.0")) == (5.0, 0)
     assert len(files(folder)) == 4
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+FUNCTIONS = """
+def outer():
+    "Text."
+    def inner():
+        "Inner text."
+        return "value", list("text" for _ in "ab"), lambda: "text"
+    return inner
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"),
+    [("Text.", "Other.", True), ("Inner text.", "Other.", True), ("value", "other", False), ('"text"', '"t"', False)],
+)
+def test_docstrings_alone_are_not_hashed(old: str, new: str, same: bool) -> None:
+    """Also those of inner functions, which write an intrinsic's instructions."""
+
+    def hashed(text: str) -> list[Any]:
+        (outer,) = (one for one in compile(text, "", "exec").co_consts if hasattr(one, "co_code"))
+        return [compiler._constants(code) for code in compiler._codes(outer)]
+
+    assert (hashed(FUNCTIONS.replace(old, new)) == hashed(FUNCTIONS)) is same
 
 
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {
