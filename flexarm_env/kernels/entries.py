@@ -148,10 +148,10 @@ class Constant(Names):
         sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened, shape.dry), strict=True)
         return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
 
-    ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "1")
-    ELBOW_SLOPES = Entry("their slopes", "1/m")
+    ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "m")
+    ELBOW_SLOPES = Entry("their slopes", "1")
     STIFFNESS_1 = Entry("first of all modal stiffnesses", "N m")
-    DAMPING_1 = Entry("first number after them: damping of the modes", "N s/m")
+    DAMPING_1 = Entry("first number after them: damping of the modes", "N m s")
 
 
 class Word(Entry):

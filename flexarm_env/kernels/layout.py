@@ -109,7 +109,7 @@ class Row(Names):
     DERIVATIVE_GAIN = Entry("Kd", "N s/m", _law("derivative_gain"), _LAW)
     TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "environment"))
     SENSOR_DISTANCE = Entry("of the point that the law acts on from the elbow", "m", 1, _LAW)
-    SENSOR_VALUES = Entry("link 2's mode shapes there", "1", _law("sensor_values"), _LAW)
+    SENSOR_VALUES = Entry("link 2's mode shapes there", "m", _law("sensor_values"), _LAW)
     SENSOR_FORESHORTENING = Entry("foreshortening there", "m", _law("sensor_foreshortening"), _LAW)
     NOISE = Entry("added to the reading's position", "m", _law("noise"), _LAW)
     COMMAND_1 = Entry("reference position and velocity in the shoulder's torque", "m, m/s", _law("command_1"), _LAW)
@@ -171,7 +171,12 @@ class Row(Names):
     ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2, _ENVIRONMENT)
     COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2, _ENVIRONMENT)
     MOTOR = Entry("torque of the current loops", "N m", 2, _MOTORS)
-    MOTOR_RESPONSE = Entry("of each joint at a step's start, middle and end (`motors.response`)", "1", 8, _MOTORS)
+    MOTOR_RESPONSE = Entry(
+        "of each joint at a step's start, middle and end, then the exact share at the end (`motors.response`)",
+        "1",
+        8,
+        _MOTORS,
+    )
     STALL_TORQUE = Entry("torque at rest; inf: no limit", "N m", 2, _MOTORS)
     PER_SPEED = Entry("one over the no-load speed; 0: no limit", "s/rad", 2, _MOTORS)
     TORQUE_UNIT = Entry("torque that commands are multiples of, over COMMAND_SCALE; 0: any", "1", 2, _MOTORS)

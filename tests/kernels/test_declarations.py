@@ -9,6 +9,7 @@ from flexarm_env.codegen import compiler
 from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Names, Program, plain_python
 from flexarm_env.codegen.rows import lane_rows
+from flexarm_env.kernels.entries import Constant
 from flexarm_env.kernels.layout import Law, Row, row
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.stamp import TABLES
@@ -19,6 +20,15 @@ from flexarm_env.kernels.variants import Variant, variant
 def test_each_place_says_what_it_is_and_in_which_unit(table: type[Names]) -> None:
     assert table.entries
     assert [part.name for part in table.entries if not (part.meaning and part.unit)] == []
+
+
+def test_mode_shapes_are_in_metres() -> None:
+    """Modal coordinates have no unit (`physics.link_modes`)."""
+    shapes = {"VALUES": "m", "SLOPES": "1", "FORESHORTENING": "m", "STIFFNESS_1": "N m", "DAMPING_1": "N m s"}
+    units = {ending: {p.unit for t in TABLES for p in t.entries if p.name.endswith(f"_{ending}")} for ending in shapes}
+    units |= {part.name: {part.unit} for part in Constant.entries if part.name in shapes}
+    units["SLOPES"].discard(Row.OUTPUT_SLOPES.unit)  # derivatives of what sensors read
+    assert units == {ending: {unit} for ending, unit in shapes.items()}
 
 
 def test_what_the_law_needs_has_rows() -> None:
