@@ -145,6 +145,7 @@ def test_an_environment_is_recorded() -> None:
 
 SOME = Recording(PERIOD, TORQUE[:4], joint=np.zeros((4, 2)))
 LATE_TIP = replace(SOME, tip=np.full((4, 2), 4.0))
+PLAIN = bare("FlexArm/Square-v0", scaled=False, frame="world")
 ONE_MODE = ArmParameters(modes_per_link=1)
 
 
@@ -168,13 +169,40 @@ test_bad_input_is_refused = refused(
     (fitted(arm=ONE_MODE), "recordings: 8 readings for as many unknown numbers, 8; must be more"),
     (lambda: Recording(PERIOD, TORQUE[:4]), "without readings"),
     (lambda: Recording(PERIOD, TORQUE[:4], joint=np.zeros((3, 2))), r"joint: must have shape \(4, 2\)"),
-    (lambda: Recording(PERIOD, TORQUE[:1], joint=np.zeros((1, 2))), r"torque: must have shape \(2, 2\)"),
+    (lambda: Recording(PERIOD, TORQUE[:1], joint=np.zeros((1, 2))), r"torque: must have shape .*, got \(1, 2\)"),
+    (lambda: Recording(PERIOD, 5.0, joint=np.zeros((4, 2))), r"torque: must have shape \(n, 2\), got \(\)"),
     (lambda: replace(SOME, tip=np.full((4, 2), np.nan)), "tip: must be finite, or NaN .* leave it out"),
-    (lambda: replace(SOME, torque=TORQUE[:4] * [np.nan, 1.0]), "torque: must be finite at all instants"),
+    (lambda: replace(SOME, torque=TORQUE[:4] * [np.nan, 1.0]), r"torque\[0, 0\] = nan: must be finite"),
     (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
+    (lambda: record(PLAIN, np.zeros((0, 2))), r"torque: must have shape \(n, 2\), n at least 2, got \(0, 2\)"),
+    (lambda: record(PLAIN, np.zeros((5, 3))), r"torque: must have shape \(n, 2\), got \(5, 3\)"),
     (of_environment(torque_resolution=(1, 1)), "ideal motors"),
     (of_environment(pulse_force=(1, 0)), "pulse_force = 0"),
 )
+
+
+def of_arm(**options: Any) -> Any:
+    good = {"arm": ONE_MODE, "state": np.zeros(8), "torque": TORQUE[:4], "period": PERIOD}
+    return lambda: simulated(**good | options)
+
+
+test_bad_input_of_simulated_is_refused = refused(
+    (of_arm(delay=-0.1), r"delay = -0\.1: must be"),
+    (of_arm(actuation_delay=np.nan), "actuation_delay = nan: must be"),
+    (of_arm(actuation_delay="1"), "TypeError: actuation_delay = '1': must be"),
+    (of_arm(period=0.0), r"period = 0\.0: must be"),
+    (of_arm(sensor_position=9.0), r"sensor_position = 9\.0: must be"),
+    (of_arm(torque=np.zeros(4)), r"torque: must have shape \(n, 2\), got \(4,\)"),
+    (of_arm(state=np.zeros(7)), r"state: must have shape \(8,\), got \(7,\)"),
+    (of_arm(arm=None), "TypeError: arm = None: must be an ArmParameters"),
+)
+
+
+@pytest.mark.parametrize("count", [2, 20])
+def test_an_arm_that_diverges_is_named(count: int) -> None:
+    """In the last step or before: no message is of a state that the user did not give."""
+    with pytest.raises(FloatingPointError, match=r"^the arm's motion diverges before 0\.01 s"):
+        of_arm(state=[1e12, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0], torque=np.zeros((count, 2)))()
 
 
 HEAD = b"time,torque_1,torque_2,joint_1,joint_2\n"

@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from flexarm_env.identification.model import LEAST, Model, limits, parameter_names, value_of, with_values
+from flexarm_env.identification.model import (
+    LEAST,
+    Model,
+    check_place,
+    checked_delays,
+    limits,
+    parameter_names,
+    value_of,
+    with_values,
+)
 from flexarm_env.identification.recording import Recording
-from flexarm_env.parameters import MAX_DELAY, ArmParameters
+from flexarm_env.parameters import ArmParameters
 from flexarm_env.validation import choice, number, shown
 
 Array = NDArray[np.float64]
@@ -65,17 +74,15 @@ def identify(
             model do not add up [s].
 
     Raises:
-        ValueError: for a bad argument, or parameters that the recordings do not tell apart.
-        ValueError, FloatingPointError: if the arm diverges where the search begins.
+        TypeError, ValueError: for a bad argument, or parameters that the recordings do not tell apart.
+        FloatingPointError: if the arm diverges where the search begins.
     """
     for name in names:
         choice("names", name, parameter_names())
     if not names or len(set(names)) < len(names) or not recordings:
         raise ValueError(f"names = {shown(names)}, {len(recordings)} recordings: give each name once, and recordings")
-    known = {
-        "delay": number("delay", delay, "s", least=0.0, most=MAX_DELAY),
-        "actuation_delay": number("actuation_delay", actuation_delay, "s", least=0.0, most=MAX_DELAY),
-    }
+    known = checked_delays(delay, actuation_delay)
+    check_place(arm, sensor_position)
     torque, measured, period = _windows(recordings, window)
     model = Model(names, torque, period, known, sensor_position)
     given = ((name, known[name] if name in known else value_of(arm, name)) for name in names)

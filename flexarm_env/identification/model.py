@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexarm_env.allowed import Number, Pair
-from flexarm_env.identification.recording import CHANNELS, Recording
+from flexarm_env.identification.recording import CHANNELS, Recording, played_torques
 from flexarm_env.parameters import MAX_DELAY, ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.held_torque import step_each
-from flexarm_env.validation import number, real_array
+from flexarm_env.simulation.open_loop import LARGEST
+from flexarm_env.validation import finite_array, instance, number
 
 Array = NDArray[np.float64]
 DELAYS = ("actuation_delay", "delay")
@@ -67,13 +68,28 @@ def simulated(
         sensor_position: see `identify`.
 
     Raises:
-        ValueError: for bad input.
-        ValueError, FloatingPointError: if the arm's motion diverges.
+        TypeError, ValueError: for bad input.
+        FloatingPointError: if the arm's motion diverges.
     """
-    torques = real_array("torque", torque)
-    model = Model([], torques[None], period, {"delay": delay, "actuation_delay": actuation_delay}, sensor_position)
-    read, _ = model.readings(arm, np.asarray(state, float)[None], {})
+    torques, delays = played_torques(torque), checked_delays(delay, actuation_delay)
+    number("period", period, "s", above=0.0)
+    check_place(arm, sensor_position)
+    start = finite_array("state", state, (4 * arm.modes_per_link + 4,), LARGEST)
+    read, _ = Model([], torques[None], period, delays, sensor_position).readings(arm, start[None], {})
     return Recording(period, torques, **{name: read[name][0, ..., 0] for name in CHANNELS})
+
+
+def checked_delays(delay: float, actuation_delay: float) -> dict[str, float]:
+    """Check the delays [s]; return them by name."""
+    given = {"delay": delay, "actuation_delay": actuation_delay}
+    return {name: number(name, value, "s", least=0.0, most=MAX_DELAY) for name, value in given.items()}
+
+
+def check_place(arm: ArmParameters, sensor_position: float | None) -> None:
+    """Refuse a sensor that is not on link 2 of an arm."""
+    instance("arm", arm, ArmParameters)
+    if sensor_position is not None:
+        number("sensor_position", sensor_position, "m", least=0.0, most=arm.link_lengths[1])
 
 
 class Model:
@@ -109,7 +125,7 @@ class Model:
             first late reading they are NaN.
 
         Raises:
-            ValueError, FloatingPointError: if the motion diverges, before or in the last step.
+            FloatingPointError: if the motion diverges.
         """
         plain = FlexibleArm(arm)
         moved = {
@@ -133,10 +149,10 @@ class Model:
                 for n, name in enumerate(self._names):
                     slopes[:, :, n] += (ends[2 * n] - ends[2 * n + 1]) / (2.0 * CHANGE * values[name])
             state = found.state
+            if not np.all(np.abs(state) <= LARGEST):
+                raise FloatingPointError(f"the arm's motion diverges before {(k + 1) * span:.6g} s")
             nodes.append(state)
             gradients.append(slopes)
-        if not np.all(np.isfinite(state)):
-            raise FloatingPointError("the arm's motion diverges")
         return self._read(plain, moved, values, np.stack(nodes, axis=1), np.stack(gradients, axis=1))
 
     def _read(
@@ -188,8 +204,6 @@ class Model:
 
     def first_states(self, arm: ArmParameters, measured: Mapping[str, Array]) -> Array:
         """Return states that give the windows' first readings and their differences. Shape (windows, size)."""
-        if self._place is not None:
-            number("sensor_position", self._place, "m", least=0.0, most=arm.link_lengths[1])
         plain = FlexibleArm(arm)
         half, few = plain.size, min(5, self.torque.shape[1] - 1)
         state = np.zeros((len(self.torque), 2 * half))

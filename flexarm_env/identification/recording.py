@@ -9,13 +9,22 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.validation import number, real_array
+from flexarm_env.simulation.open_loop import LARGEST
+from flexarm_env.validation import finite_array, number, real_array
 
 Array = NDArray[np.float64]
 CHANNELS = {"joint": "rad", "deflection": "m", "tip": "m"}  # what is read, each of two numbers, with its unit
 COLUMNS = ("time", *(f"{name}_{n}" for name in ("torque", *CHANNELS) for n in (1, 2)))  # of a file
+
+
+def played_torques(torque: ArrayLike) -> Array:
+    """Check torques held from each of two instants or more [N m]. Shape (n, 2)."""
+    torques = finite_array("torque", torque, (None, 2), LARGEST)
+    if len(torques) < 2:
+        raise ValueError(f"torque: must have shape (n, 2), n at least 2, got {torques.shape}")
+    return torques
 
 
 @dataclass(frozen=True)
@@ -39,18 +48,18 @@ class Recording:
     def __post_init__(self) -> None:
         """Check the arrays."""
         number("period", self.period, "s", above=0.0)
-        for name in ("torque", *CHANNELS):
+        torques = played_torques(self.torque)
+        object.__setattr__(self, "torque", torques)
+        for name in CHANNELS:
             values = getattr(self, name)
-            if values is None and name != "torque":
+            if values is None:
                 continue
             array = real_array(name, values)
-            if len(self.torque) < 2 or array.shape != (len(self.torque), 2):
-                raise ValueError(f"{name}: must have shape ({max(2, len(self.torque))}, 2), got {array.shape}")
+            if array.shape != torques.shape:
+                raise ValueError(f"{name}: must have shape {torques.shape}, as the torque, got {array.shape}")
             if np.isinf(array).any() or np.isnan(array).all():
                 raise ValueError(f"{name}: must be finite, or NaN where a reading is missing; without one leave it out")
             object.__setattr__(self, name, array)
-        if np.isnan(self.torque).any():
-            raise ValueError("torque: must be finite at all instants")
         if not self.channels:
             raise ValueError(f"a recording without readings: one of {', '.join(CHANNELS)} is needed")
 
@@ -124,7 +133,7 @@ def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -
         ValueError: for another environment, or torques beyond its limits.
     """
     inner: Any = env.unwrapped
-    settings, torques = inner.settings, real_array("torque", torque)
+    settings, torques = inner.settings, played_torques(torque)
     if (settings.action_mode, settings.scaled, settings.frame) != ("torque", False, "world"):
         raise ValueError('env: must have action_mode="torque", scaled=False, frame="world"')
     if settings.real_motors:

@@ -18,6 +18,15 @@ from flexarm_env.physics.link_modes import LinkModes
 Array = NDArray[np.float64]
 
 
+def check_leading(**axes: tuple[int, ...]) -> None:
+    """Refuse arguments, by name, whose leading axes do not broadcast."""
+    try:
+        np.broadcast_shapes(*axes.values())
+    except ValueError:
+        listed = ", ".join(f"{name} {shape}" for name, shape in axes.items())
+        raise ValueError(f"leading axes must broadcast, got {listed}") from None
+
+
 def stack(values: Sequence[Any]) -> Array:
     """Stack numbers, or arrays that broadcast, along a new last axis."""
     return np.stack(np.broadcast_arrays(*values), axis=-1)

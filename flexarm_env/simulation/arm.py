@@ -91,15 +91,18 @@ class FlexibleArm(FeedbackTorque):
 
     def velocity_forces(self, q: ArrayLike, rates: ArrayLike) -> Array:
         """Return the velocity forces C in ``B tau = M q'' + C + D q' + K q`` (6) [N m]. Shape (..., 2 + 2 m)."""
-        q, rates = np.broadcast_arrays(self._coordinates("q", q), self._coordinates("rates", rates))
+        q, rates = self._coordinates("q", q), self._coordinates("rates", rates)
+        coordinates.check_leading(q=q.shape[:-1], rates=rates.shape[:-1])
+        q, rates = np.broadcast_arrays(q, rates)
         h = self._velocity_forces(self._geometry(q), self._internal(rates))
         return coordinates.stack(h) @ self._to_internal
 
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
         """Return q'' [rad/s^2, 1/s^2] under torques of Shape (..., 2) [N m]. Shape (..., 2 + 2 m)."""
         q, rates = self._split(state)
-        tau = list(np.moveaxis(finite_rows("torque", torque, 2, LARGEST), -1, 0))
-        return self._public_acceleration(q, rates, tau)
+        tau = finite_rows("torque", torque, 2, LARGEST)
+        coordinates.check_leading(state=q.shape[:-1], torque=tau.shape[:-1])
+        return self._public_acceleration(q, rates, list(np.moveaxis(tau, -1, 0)))
 
     def energy(self, state: ArrayLike) -> Energy:
         """Return the kinetic and strain energy [J]. Shape (...) each."""
@@ -197,9 +200,9 @@ class FlexibleArm(FeedbackTorque):
             state: Shape (..., 4 + 4 m).
             sensor_position: distance of the sensor from the elbow along link 2 [m]; None: at the tip.
         """
-        tip = self.place(2, self.parameters.link_lengths[1])
-        sensor = tip if sensor_position is None else self.place(2, sensor_position)
-        return output_jacobians(self.constants, tip, sensor, finite_rows("state", state, 2 * self.size, LARGEST))
+        length, states = self.parameters.link_lengths[1], finite_rows("state", state, 2 * self.size, LARGEST)
+        s = length if sensor_position is None else number("sensor_position", sensor_position, "m", least=0, most=length)
+        return output_jacobians(self.constants, self.place(2, length), self.place(2, s), states)
 
     def fastest_rate(self) -> float:
         """Return the largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
@@ -255,7 +258,7 @@ class FlexibleArm(FeedbackTorque):
         if callable(torque):
             states, torques = run.run_function(torque, steps, step, count)
         else:
-            held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2))
+            held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2), LARGEST)
             states, torques = run.run_held(held, step, count)
         trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
         if len(states) <= steps:
@@ -334,6 +337,7 @@ class FlexibleArm(FeedbackTorque):
         distance = real_array("s", s)
         if not np.all((distance >= 0.0) & (distance <= length)):
             raise ValueError(f"s = {shown(s)}: must be a distance on link {link}, 0 to {length} [m]")
+        coordinates.check_leading(coordinates=q.shape[:-1], s=distance.shape)
         y = coordinates.stack(self._internal(q))
         at, jacobian = coordinates.material_point(self.modes, self.constants.foreshortened, y, link, distance)
         return at, jacobian @ self._to_internal
