@@ -35,6 +35,7 @@ from scipy.linalg import eigh
 
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics.damping import clamped_ratio, material_time
+from flexarm_env.validation import instance, integer, number
 
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
@@ -56,16 +57,16 @@ def chain_model(segments: int, arm: ArmParameters | None = None, time_step: floa
         time_step: [s].
 
     Raises:
-        ValueError: for fewer than 2 segments, or an arm with dry friction.
+        TypeError, ValueError: for fewer than 2 segments, another bad argument, or an arm with dry friction.
     """
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
 
 
 def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> str:
     """Write the chain in MuJoCo's own format; arguments and errors as in `chain_model`."""
-    if segments < 2:
-        raise ValueError(f"segments = {segments}: must be an integer >= 2")
-    arm = arm or ArmParameters()
+    segments, step = integer("segments", segments, 2), number("time_step", time_step, "s", above=0.0)
+    arm = ArmParameters() if arm is None else arm
+    instance("arm", arm, ArmParameters)
     if any(arm.breakaway):
         raise ValueError(f"coulomb_friction = {arm.coulomb_friction} N m: the chain has no dry friction; must be 0")
     first, mount = _link(arm, 0, segments, 0.0)
@@ -75,7 +76,7 @@ def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float 
     return f"""
     <mujoco model="flexible arm of two links">
       <compiler angle="radian"/>
-      <option timestep="{time_step!r}" integrator="implicitfast">
+      <option timestep="{step!r}" integrator="implicitfast">
         <flag gravity="disable" constraint="disable" contact="disable" autoreset="disable"/>
       </option>
       <worldbody>
@@ -160,15 +161,6 @@ def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
 # --- looking at a chain -----------------------------------------------------------------------------------------------
 
 
-def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """Return where the end of link 2 is now [m]. Shape (2,).
-
-    `mj_step` leaves the positions of the step's beginning, so they are computed anew.
-    """
-    mujoco.mj_kinematics(model, data)
-    return data.site(TIP).xpos[:2].copy()
-
-
 def frequencies(model: mujoco.MjModel, locked: Collection[str] = ()) -> NDArray[np.float64]:
     """Return the undamped angular frequencies of the straight chain about rest, lowest first [rad/s].
 
@@ -180,14 +172,6 @@ def frequencies(model: mujoco.MjModel, locked: Collection[str] = ()) -> NDArray[
     free = [k for k in range(model.nv) if model.joint(k).name not in locked]  # a hinge has one degree of freedom
     squares = eigh(_springs(model)[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
     return np.sqrt(np.maximum(squares, 0.0))
-
-
-def fastest_rate(model: mujoco.MjModel) -> float:
-    """Return the largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
-    omega = float(frequencies(model)[-1])
-    springs = model.joint("bend1_1")  # modal dampers are too weak to count
-    drag = springs.damping[0] / springs.stiffness[0] * omega**2  # s^2 + drag s + omega^2 = 0
-    return max(omega, 0.5 * (drag + math.sqrt(max(drag**2 - 4.0 * omega**2, 0.0))))
 
 
 def mass_matrix(model: mujoco.MjModel) -> NDArray[np.float64]:

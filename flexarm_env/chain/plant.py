@@ -29,6 +29,7 @@ from flexarm_env.physics.coordinates import rigid_tip
 from flexarm_env.physics.sensing import Truth
 
 Array = NDArray[np.float64]
+MEASURES = {"position": Chain.point, "inertial": Chain.inertial}  # `sensing.QUANTITIES_AT_A_POINT` on a chain
 
 
 class ChainPlant:
@@ -103,8 +104,7 @@ class ChainPlant:
         """See `Plant.readings`."""
         angles, chain = SENSOR_MODELS[self._settings.sensor].reading == "angles", self.chain
         read = [self.encoders() if angles else chain.point(self._sensor)]
-        measure = {"position": chain.point, "inertial": chain.inertial}
-        return np.concatenate([*read, *(measure[name](weights) for name, weights in self._further)])
+        return np.concatenate([*read, *(MEASURES[name](chain, weights) for name, weights in self._further)])
 
     def encoders(self) -> Array:
         """See `Plant.encoders`."""

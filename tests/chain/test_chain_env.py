@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, warm_up
 from flexarm_env.extras import install_command
+from flexarm_env.physics.sensing import QUANTITIES_AT_A_POINT
 from flexarm_env.rollout import run_policy
 from tests.support.envs import SQUARE, WITHOUT_ERRORS, assert_same, bare, in_fresh_process, kinds_of
 from tests.support.refusals import refused
@@ -207,6 +208,12 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm(uncompiled: None) ->
     np.testing.assert_allclose(info["state"][:2], expected["state"][:2], atol=3e-3)
     assert info["gain"] == 1.0
     np.testing.assert_allclose(info["torque"], expected["torque"], rtol=0.2)
+
+
+def test_each_quantity_at_a_point_is_measured_on_a_chain_too() -> None:
+    from flexarm_env.chain.plant import MEASURES
+
+    assert set(MEASURES) == set(QUANTITIES_AT_A_POINT)
 
 
 def test_a_record_has_the_chains_own_tip() -> None:

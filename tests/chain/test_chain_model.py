@@ -9,6 +9,7 @@ from tests.support.refusals import refused
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra `chain`")
 from flexarm_env.chain import model as chain  # noqa: E402  (needs MuJoCo)
+from flexarm_env.chain.links import Chain  # noqa: E402
 
 L, EI, RHO = 4.5, 1676.0, 0.335  # a link
 CLAMPED = np.array([1.875104, 4.694091])  # roots of cos x cosh x = -1
@@ -51,10 +52,15 @@ def test_inertia_of_the_straight_arm() -> None:
 
 def test_tip() -> None:
     model = chain.chain_model(6)
-    data = mujoco.MjData(model)
-    np.testing.assert_allclose(chain.tip_position(model, data), [9.0, 0.0], atol=1e-12)
-    data.joint("shoulder").qpos[0], data.joint("elbow").qpos[0] = np.pi / 2, -np.pi / 2
-    np.testing.assert_allclose(chain.tip_position(model, data), [L, L], atol=1e-12)
+    moving = Chain(model, ArmParameters())
+    np.testing.assert_allclose(moving.tip(), [9.0, 0.0], atol=1e-12)
+    joint = moving.data.joint
+    joint("shoulder").qpos[0], joint("elbow").qpos[0] = np.pi / 2, -np.pi / 2
+    np.testing.assert_allclose(moving.tip(), [L, L], atol=1e-12)
+
+
+def test_a_numpy_number_is_a_time_step() -> None:
+    assert chain.chain_model(np.int64(5), time_step=np.float64(1e-3)).opt.timestep == 1e-3
 
 
 def test_motors_turn_their_joints() -> None:
@@ -84,18 +90,12 @@ def test_largest_stable_step(damping: float, step: float) -> None:
         chain.largest_stable_step(10, arm, longer)
 
 
-@pytest.mark.parametrize("damping", [0.01, 0.0])
-def test_fastest_rate(damping: float) -> None:
-    model = chain.chain_model(5, ArmParameters.linear(damping_ratio=damping, damping_model="material"))
-    mass, n = chain.mass_matrix(model), model.nv
-    springs, drag = np.diag(model.jnt_stiffness.ravel()), np.diag(model.dof_damping)
-    rates = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, springs), -np.linalg.solve(mass, drag)]])
-    assert chain.fastest_rate(model) == pytest.approx(np.abs(np.linalg.eigvals(rates)).max(), rel=1e-6)
-
-
 UNDAMPED = ArmParameters(damping_ratio=0.0)
 test_refusals = refused(
     (lambda: chain.chain_model(1), "segments = 1: must be"),
+    (lambda: chain.chain_model(2.5), "TypeError: segments = 2.5: must be an integer"),
+    (lambda: chain.chain_model(5, time_step=0.0), "time_step = 0.0: must be"),
+    (lambda: chain.chain_model(5, arm="linear"), "TypeError: arm = 'linear': must be an ArmParameters"),
     (lambda: chain.chain_model(10, ArmParameters(coulomb_friction=(1.0, 0.0))), "coulomb_friction.*no dry friction"),
     (lambda: chain.stable_steps(chain.chain_model(60, UNDAMPED), 0.1, 1e-2), "take more than 1000 steps in"),
 )
