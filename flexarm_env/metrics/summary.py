@@ -14,7 +14,7 @@ def summary(run: Trajectory) -> dict[str, object]:
 
     A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
     that it survived would compare well with those of a whole run. The figures after 2 s leave out the transient of the
-    start; they are None for a shorter run.
+    start; they are None for a shorter run, as the mean gain is for a run of one instant.
     """
     early, figures = ended_early(run), figures_so_far(run)
     rigid = tracking_error(run, "rigid")
@@ -30,7 +30,7 @@ def summary(run: Trajectory) -> dict[str, object]:
         "vibration": math.hypot(*figures.rms_deflection_rate),  # as `vibration` of the whole run
     }
     if run.gain is not None:
-        merits["mean_gain"] = float(run.gain[:-1].mean())
+        merits["mean_gain"] = float(run.gain[:-1].mean()) if len(run.gain) > 1 else None
     return {
         "ended": run.notes.get("ended"),
         "ended_early": early,

@@ -38,9 +38,13 @@ class ReferencePath:
             table: see the attribute.
 
         Raises:
-            ValueError: if times do not increase from 0.
+            ValueError: if times do not increase from 0, or a way-point is farther than `FARTHEST`.
         """
         points = finite_array("table", table, (None, 3), LARGEST_TIME)
+        far = np.argwhere(np.abs(points[:, 1:]) > FARTHEST)
+        if len(far):
+            n, axis = far[0] + (0, 1)
+            raise ValueError(f"table[{n}, {axis}] = {points[n, axis]}: must be at most {FARTHEST:g} in magnitude [m]")
         if len(points) < 2 or points[0, 0] != 0.0 or np.any(np.diff(points[:, 0]) <= 0.0):
             raise ValueError(f"table[:, 0] = {shown(points[:, 0])}: times must increase from 0, two at least [s]")
         self.table = points
@@ -194,7 +198,8 @@ def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath
             time [s], x, y [m], closed if the last point is the first one. Shape (n, 2) or (n, 3).
 
     Raises:
-        ValueError: if times do not increase from 0, or without times two points that follow each other are the same.
+        ValueError: if times do not increase from 0, or without times two points that follow each other are the same, to
+            rounding error of the lap.
     """
     given = real_array("waypoints", points)
     if given.ndim == 2 and given.shape[1] == 3:
@@ -202,9 +207,15 @@ def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath
             return ReferencePath(given)
         except ValueError as error:
             raise ValueError(str(error).replace("table", "waypoints", 1)) from None
+    if given.ndim != 2 or given.shape[1] != 2:
+        raise ValueError(f"waypoints: must have shape (n, 2) or (n, 3), got {given.shape}")
     closed, lengths = sides_of("waypoints", given)
     times = parameters.lap_time * np.concatenate([[0.0], np.cumsum(lengths) / np.sum(lengths)])
     times[-1] = parameters.lap_time
+    steps = np.diff(times)
+    if not np.all(steps > 0.0):
+        n, lap = int(np.argmin(steps)), np.sum(lengths)
+        raise ValueError(f"waypoints[{n}]: must be more than {lengths[n]:.3g} m from the next, in a lap of {lap:.6g} m")
     return ReferencePath(np.column_stack([times, closed]))
 
 

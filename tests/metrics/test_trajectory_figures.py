@@ -161,3 +161,5 @@ def test_summary_of_a_short_run_says_none() -> None:
     short = ARM.record(TIME[:100], STILL[:100], NOWHERE[:100], reference=NOWHERE[:100])
     assert summary(short)["true_tip_rms_after_2s"] is None
     assert summary(run_with(NOWHERE))["true_tip_rms_after_2s"] is not None
+    instant = ARM.record(TIME[:1], STILL[:1], NOWHERE[:1], reference=NOWHERE[:1], gain=np.ones(1))
+    assert summary(instant)["mean_gain"] is None

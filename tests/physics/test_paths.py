@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParameters, inverse_kinematics, square
 from flexarm_env.kernels.imex import chord_at
 from flexarm_env.parameters import Corner, Direction, ElbowBranch
-from flexarm_env.physics.paths import rounded
+from flexarm_env.physics.paths import rounded, way_points
 from tests.support.refusals import refused
 
 CLOCKWISE: list[Corner] = ["lower left", "upper left", "upper right", "lower right"]
@@ -145,6 +145,7 @@ test_a_wrong_table_is_refused = refused(
     ([(0.0, 1.0, 1.0), (1.0, 2.0, 2.0), (1.0, 3.0, 2.0), (2.0, 1.0, 1.0)], "times must increase from 0"),
     ([(0.0, 1.0, 1.0), (2.0, 2.0, 2.0), (1.0, 1.0, 1.0)], "times must increase from 0"),
     ([(0.0, 1.0, 1.0), (1.0, np.nan, 2.0), (2.0, 1.0, 1.0)], r"table\[1, 1\] = nan: must be finite"),
+    ([(0.0, 1.0, 1.0), (1.0, 2.0, -2e6)], r"table\[1, 2\] = -2000000\.0: must be at most 1e\+06 .*\[m\]"),
     ([(0.0, 1.0), (1.0, 1.0)], r"table: must have shape \(n, 3\), got \(2, 2\)"),
     ([], r"table: must have shape \(n, 3\)"),
     ("square", "table = .square.: must be an array of real numbers"),
@@ -182,6 +183,14 @@ def test_the_velocity_turns_at_a_constant_rate(corner_time: float) -> None:
     away = np.linalg.norm(rounded(PAPER, corner_time).position(4.0) - PAPER.position(4.0))
     # goes to the sharp corner with the time; a chord is off the curve by an eighth of its time squared times the rate
     assert away == pytest.approx(turn * corner_time / 8.0, abs=turn * corner_time / (8.0 * 80.0**2))
+
+
+test_wrong_way_points_are_refused = refused(
+    ([(1.0, 2.0, 3.0, 4.0)] * 4, r"waypoints: must have shape \(n, 2\) or \(n, 3\), got \(4, 4\)"),
+    ([(0.0, 0.0), (1.0, 0.0), (1.0, 1e-20)], r"waypoints\[1\]: must be more than 1e-20 m from the next"),
+    ([(0.0, 1.0, 1.0), (1.0, 2e6, 2.0)], r"waypoints\[1, 1\] = 2000000\.0: must be at most 1e\+06"),
+    by=lambda points: way_points(SquareParameters(), points),
+)
 
 
 def test_no_time_leaves_the_path_as_it_is_and_too_long_a_one_is_refused() -> None:
