@@ -141,11 +141,12 @@ def inertial(k: Constants, mount: Mount, motion: Motion) -> list[Any]:
     """
     m = len(k.elbow_values)
     one, two = ([part[: m + 1] for part in motion], [part[m + 1 :] for part in motion])
-    (q, rates), force = (one if mount.link == 1 else two)[:2], _acceleration_along(mount.point, *one)
-    if mount.link == 2:
+    if mount.link == 1:
+        (q, rates), force = one[:2], _acceleration_along(mount.point, *one)
+    else:
         carried = _turned(_acceleration_along(k.elbow, *one), sincos(elbow_turn(motion.y)))
         own = _acceleration_along(mount.point, *two)
-        force = [a + b for a, b in zip(carried, own, strict=True)]
+        (q, rates), force = two[:2], [a + b for a, b in zip(carried, own, strict=True)]
     return [*_turned(force, sincos(dot(mount.slopes, q[1:]))), dot(mount.slopes, rates[1:], rates[0])]
 
 
