@@ -258,7 +258,7 @@ class FlexibleArm(FeedbackTorque):
         if callable(torque):
             states, torques = run.run_function(torque, steps, step, count)
         else:
-            held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2), LARGEST)
+            held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2))
             states, torques = run.run_held(held, step, count)
         trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
         if len(states) <= steps:
