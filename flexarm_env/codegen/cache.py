@@ -63,18 +63,18 @@ def check_compiler() -> None:
         raise ValueError("NUMBA_DISABLE_JIT = 1: must be 0, or not set; the kernels of FlexArm run compiled only")
 
 
-def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
+def kept_on_disk(file: str, description: str) -> Callable[[F], F]:
     """Return a decorator that compiles functions of a file when they are first called, and keeps them.
 
     They call others of the same file and of libraries only: what is kept is named by a hash of the file's text.
 
     Args:
         file: `__file__`.
-        words: description of the functions for the user who waits.
+        description: of the functions for the user who waits.
     """
     check_compiler()
     path = Path(file)
-    folder = KernelFolder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
+    folder = KernelFolder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", description)
 
     def compiled(function: F) -> F:
         kernel: Any = numba.njit(function)
@@ -119,12 +119,12 @@ class KernelFolder:
 
     Attributes:
         name: of their files; it holds a hash of all that they are made from.
-        words: description for the user who waits.
+        description: for the user who waits.
     """
 
-    def __init__(self, name: str, words: str) -> None:
+    def __init__(self, name: str, description: str) -> None:
         """Find the folder when it is first needed."""
-        self.name, self.words = name, words
+        self.name, self.description = name, description
         self._begun: list[float] = []  # when the compilations at hand began: of a function, and of those that it calls
 
     @cached_property
@@ -145,7 +145,7 @@ class KernelFolder:
         took = time.perf_counter() - self._begun.pop()
         if not self._begun:
             kept = f", kept in {self.path}" if self.path else ""
-            logger.warning("compiled in %.1f s%s: %s", took, kept, self.words)
+            logger.warning("compiled in %.1f s%s: %s", took, kept, self.description)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -162,7 +162,7 @@ class KernelFolder:
             try:
                 lock.acquire(blocking=False)
             except filelock.Timeout:
-                logger.info("waiting for another process that compiles kernels: %s", self.words)
+                logger.info("waiting for another process that compiles kernels: %s", self.description)
                 lock.acquire(timeout=LONGEST_WAIT)
         try:
             yield

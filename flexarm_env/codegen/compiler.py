@@ -63,7 +63,7 @@ class Kernels:
     def _chosen(self, value: Any) -> Any:
         """Return the function that stands for another one in this variant."""
         if isinstance(value, Chosen):
-            return self.variant.program.parts[value.__name__]
+            return self.variant.program.hooks[value.__name__]
         return COMPILED.get(value, value) if isinstance(value, FunctionType) else value
 
     def _make(self, function: Any) -> Any:
@@ -90,14 +90,14 @@ class Kernels:
         return own
 
     def _is_entry(self, function: Any) -> bool:
-        return function in self._entries or not self.variant.program.closed
+        return function in self._entries or not self.variant.program.allocation_free
 
     def _options(self, function: FunctionType) -> dict[str, Any]:
         options: dict[str, Any] = {"nogil": True, **_STRICT}
         marks = vars(function)
         if marks.get("per_lane") and self.variant.lanes > 1:
             options["forceinline"] = True
-        if self.variant.program.closed:
+        if self.variant.program.allocation_free:
             # Nothing allocates: counting references to arrays, atomically for each lane, takes time.
             options["_nrt"] = False
             if not self._is_entry(function):  # a wrapper would take time
@@ -195,7 +195,7 @@ def load(variant: AnyVariant) -> Entries:
     check_compiler()
     kernels = Kernels(variant)
     name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{kernels.identity}"
-    folder = KernelFolder(name, variant.words)
+    folder = KernelFolder(name, variant.description)
     entries: dict[str, Callable[..., Any]] = {}
     for entry in variant.program.entries(variant.lanes):
         entries[entry.__name__] = kernels.compiled(entry)

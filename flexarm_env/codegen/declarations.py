@@ -232,7 +232,7 @@ def _in_python(function: Recorded[..., Any], variant: Any) -> Function:
 
 
 class Chosen(Generic[P, R]):
-    """A function that each program chooses (`Program.parts`)."""
+    """A function that each program chooses (`Program.hooks`)."""
 
     __name__: str
 
@@ -242,7 +242,7 @@ class Chosen(Generic[P, R]):
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Run the one of the present variant's program."""
-        function: Callable[P, R] = present_variant().program.parts[self.__name__]
+        function: Callable[P, R] = present_variant().program.hooks[self.__name__]
         return function(*arguments, **named)
 
 
@@ -271,22 +271,22 @@ class Program:
     Attributes:
         name: name of the kind.
         entry_points: functions that Python calls.
-        alone: those of a block of one lane; none: the same.
+        single_entry_points: those of a block of one lane; none: the same.
         groups: groups of parts that its tables have (`Entry`).
-        parts: functions that it chooses (`chosen_by_program`), by name.
+        hooks: functions that it chooses (`chosen_by_program`), by name.
         reward_terms: how many.
-        closed: Python calls the entry points only, and nothing allocates memory.
-        words: what it does, for the user who waits for the compiler.
+        allocation_free: Python calls the entry points only, and nothing allocates memory.
+        description: what it does, for the user who waits for the compiler.
     """
 
     name: str
     entry_points: tuple[Any, ...]
-    alone: tuple[Any, ...] = ()
+    single_entry_points: tuple[Any, ...] = ()
     groups: frozenset[str] = frozenset()
-    parts: Mapping[str, Function] = field(default_factory=dict)
+    hooks: Mapping[str, Function] = field(default_factory=dict)
     reward_terms: int = 0
-    closed: bool = False
-    words: str = ""
+    allocation_free: bool = False
+    description: str = ""
 
     def __repr__(self) -> str:
         """Its name."""
@@ -294,7 +294,7 @@ class Program:
 
     def entries(self, lanes: int) -> tuple[Any, ...]:
         """Return the entry points of a variant."""
-        return self.alone if lanes == 1 and self.alone else self.entry_points
+        return self.single_entry_points if lanes == 1 and self.single_entry_points else self.entry_points
 
 
 class AnyVariant(Protocol):
@@ -317,5 +317,5 @@ class AnyVariant(Protocol):
         """Environments in a block."""
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Description for the user who waits for the compiler."""

@@ -35,23 +35,25 @@ class Drive(NamedTuple):
     Attributes:
         driver: function that moves the arm over a control period.
         groups: names of the groups of rows that it needs (`kernels.layout`).
-        words: description for the message that is shown while it compiles.
+        description: for the message that is shown while it compiles.
     """
 
     driver: Function
     groups: tuple[str, ...]
-    words: str
+    description: str
 
 
 DRIVES: dict[str, Drive] = {}  # by the name of the program (`actions.ActionMode.program`)
 HOST_DRIVES: dict[str, Drive] = {}  # those that leave the commands to the host of another plant
 
 
-def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRIVES) -> Callable[[Function], Function]:
+def drives(
+    program: str, description: str, *groups: str, among: dict[str, Drive] = DRIVES
+) -> Callable[[Function], Function]:
     """Register a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:
-        among[program] = Drive(driver, groups, words)
+        among[program] = Drive(driver, groups, description)
         return driver
 
     return enter

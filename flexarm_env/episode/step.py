@@ -165,12 +165,12 @@ def _program(name: str, one: Drive, alone: Function, *groups: str) -> Program:
     return Program(
         name,
         entry_points=(step_blocks,),
-        alone=(alone,),
+        single_entry_points=(alone,),
         groups=frozenset({"environment", *one.groups, *groups}),
-        parts={"drive": one.driver},
+        hooks={"drive": one.driver},
         reward_terms=len(reward.TERMS) - (0 if "race" in one.groups else len(reward.OF_RACES)),
-        closed=True,
-        words=one.words,
+        allocation_free=True,
+        description=one.description,
     )
 
 

@@ -63,6 +63,6 @@ OUTPUT_JACOBIANS = Program(
     "outputs",
     entry_points=(run_outputs,),
     groups=frozenset({"outputs"}),
-    closed=True,
-    words="what an arm's sensors read, and its Jacobians",
+    allocation_free=True,
+    description="what an arm's sensors read, and its Jacobians",
 )

@@ -67,7 +67,7 @@ def find_slopes(arena: Arena) -> None:
     slope_kernel(lane_rows(arena, variant.lanes))
 
 
-OPEN = Program("open", entry_points=(run_open, find_momenta, find_slopes), words="an arm driven by torques")
+OPEN = Program("open", entry_points=(run_open, find_momenta, find_slopes), description="an arm driven by torques")
 
 
 Sequences = NDArray[np.float64]  # numbers of each arm, or of all in one, period by period. Shape (arms or 1, n, ...)
@@ -168,6 +168,6 @@ def run_feedback(
 FEEDBACK = Program(
     "feedback",
     entry_points=(run_feedback,),
-    closed=True,
-    words="an arm under linear feedback",
+    allocation_free=True,
+    description="an arm under linear feedback",
 )

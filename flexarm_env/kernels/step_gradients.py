@@ -270,6 +270,6 @@ GRADIENTS = Program(
     "gradients",
     entry_points=(run_gradients,),
     groups=frozenset({"adjoint"}),
-    closed=True,
-    words="gradients of an arm driven by torques",
+    allocation_free=True,
+    description="gradients of an arm driven by torques",
 )

@@ -326,6 +326,6 @@ TANGENTS = Program(
     "tangents",
     entry_points=(run_steps, run_tangents),
     groups=frozenset({"tangents"}),
-    closed=True,
-    words="an arm driven by torques, and its Jacobians",
+    allocation_free=True,
+    description="an arm driven by torques, and its Jacobians",
 )

@@ -152,9 +152,9 @@ class Variant:
         return self.program.reward_terms
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Description for the user who waits for the compiler."""
-        parts = [self.program.words]
+        parts = [self.program.description]
         parts.append("one environment" if self.lanes == 1 else f"blocks of {self.lanes} environments")
         parts.append("1 mode a link" if self.modes == 1 else f"{self.modes} modes a link")
         if not self.complete:
