@@ -32,6 +32,7 @@ from flexarm_agents.teaching.teacher import (
 from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights, SolverOptions, TrackingProblem, optimise
 from flexarm_baselines.optimal.solver import DivergingStartError
 from flexarm_baselines.optimal.starts import along, both_sides
+from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import rest_state
@@ -60,9 +61,18 @@ class PathTeacher(Teacher):
     difficulty: Floats  # of each plan, see `graded`; NaN before a student was on it
 
     @classmethod
+    def check(cls, settings: Settings) -> None:
+        """See `Teacher`."""
+        check_task(settings, NEEDED | {"payload_changes": None, "control_period": PERIOD})
+
+    @classmethod
     def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path) -> PathTeacher:
-        """Plan the episodes that the folder has no plans of, and return a teacher with all; the batch is reset."""
-        check_task(env.settings, NEEDED | {"payload_changes": None, "control_period": PERIOD})
+        """Plan the episodes that the folder has no plans of, and return a teacher with all; the batch is reset.
+
+        Raises:
+            ValueError: see `Teacher.of`; or no path got a plan.
+        """
+        cls.check(env.settings)
         folder.mkdir(parents=True, exist_ok=True)
         found: dict[int, Plan] = {}
         for first in range(0, config.drawn_paths, env.num_envs):
@@ -71,6 +81,11 @@ class PathTeacher(Teacher):
             for i, seed in enumerate(seeds[: config.drawn_paths - first]):
                 if (plan := _plan(config, env, i, folder / f"{seed}.npz")) is not None:
                     found[seed] = plan
+        if not found:
+            raise ValueError(
+                f"drawn_paths = {config.drawn_paths}: no path got a plan with an r.m.s. error below {BAD} m; must be "
+                "more paths, or others of change_weight, deflection_limit and options"
+            )
         weights = RegulatorWeights(tip=config.tip_weight)
         tables = [(plan.states, plan.torques, PlanRegulator(plan, weights).gains) for plan in found.values()]
         plans = Plans(*(np.stack(table, dtype=np.float32) for table in zip(*tables, strict=True)))

@@ -24,7 +24,7 @@ class Rollout(NamedTuple):
     ages: NDArray[np.int64]  # control periods since the arm's episode began. Shape (T * n,)
     answers: Array  # what the teacher would have done. Shape (T * n, 2)
     weights: Array  # of the samples in the fit. Shape (T * n,)
-    lost: int  # episodes that ended early
+    lost: int  # episodes that ended early, of those with a plan
 
 
 def run_rollout(
@@ -63,7 +63,7 @@ def run_rollout(
         observations, _, terminated, truncated, infos = env.step(disturbed.astype(np.float32))
         begun = terminated | truncated
         age = np.where(begun, 0, age + 1)
-        lost += int(terminated.sum())
+        lost += int((terminated & (pupils.lap >= 0)).sum())
         if begun.any():
             pupils = teacher.pupils(env, begun, pupils)
     observations, ages, answers, weights = (np.concatenate(column) for column in zip(*rows, strict=True))

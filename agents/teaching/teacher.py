@@ -30,11 +30,11 @@ from flexarm_baselines.optimal import (
 )
 from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.task import Task
-from flexarm_env.actions import IDEAL_MOTORS
+from flexarm_env.actions import IDEAL_MOTORS, TORQUE_LIMIT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
-from flexarm_env.parameters import ArmParameters
+from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import shown
 
@@ -45,7 +45,12 @@ Indices = NDArray[np.int64]
 OPTIONS = SolverOptions(iterations=60, tolerance=3e-3)  # from a neighbour's plan; a hundredth of a millimetre is left
 TURN = 2.0 * np.pi
 NEEDED: dict[str, Any] = {"action_mode": "torque", **IDEAL_MOTORS}
-OF_LAPS = {"reference": ("square",), "direction": "clockwise", "control_period": 0.01}  # what needs the plans at hand
+OF_LAPS = {  # what needs the plans at hand
+    "reference": ("square",),
+    **{name: getattr(SquareParameters(), name) for name in ("direction", "side", "lap_time", "start_corner")},
+    "control_period": 0.01,
+    "torque_limit": TORQUE_LIMIT,
+}
 BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
 
 
@@ -71,22 +76,34 @@ class Teacher:
         self.periods = plans.torques.shape[-2]  # of a rollout
 
     @classmethod
+    def check(cls, settings: Settings) -> None:
+        """Refuse an environment that it has no plans for; where the payload changes, any single reference will do.
+
+        Raises:
+            ValueError: naming the option.
+        """
+        check_task(settings, NEEDED if settings.payload_changes is not None else NEEDED | OF_LAPS)
+
+    @classmethod
     def of(cls, config: DAggerConfig, settings: Settings, folder: Path) -> Teacher:
         """Make a teacher for an environment of standard laps, with a grid over what it draws.
 
-        Where the payload changes within the lap, any single reference will do; such plans are made anew each time.
+        Where the payload changes within the lap, plans are made anew each time.
+
+        Raises:
+            ValueError: see `check`; or a file in the folder has a plan for something else.
         """
+        cls.check(settings)
         payloads, stiffnesses = (
             np.unique(np.linspace(*settings.range_of(name), count)).tolist()
             for name, count in zip(("payload_mass", "stiffness"), config.plants, strict=True)
         )
-        carrying = settings.payload_changes is not None
-        check_task(settings, NEEDED if carrying else NEEDED | OF_LAPS)
-        if carrying:
+        if settings.payload_changes is not None:
             plans = carrying_plans(config, payloads, stiffnesses)
         else:
             wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
-            plans = lap_plans(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
+            arm, corner_time = settings.flexible_arm.parameters, settings.corner_time
+            plans = lap_plans(arm, payloads, stiffnesses, folder, wishes, corner_time)
         found = Bank.of(plans, payloads, stiffnesses, config.tip_weight)
         return cls(found, settings.motor_limit, settings.control_period)
 
@@ -139,10 +156,15 @@ class Teacher:
 
 
 def check_task(settings: Settings, needed: Mapping[str, Any]) -> None:
-    """Refuse an environment with other options than a teacher needs."""
+    """Refuse an environment that has other options than a teacher needs, or draws them."""
     for name, value in needed.items():
-        if getattr(settings, name) != value:
-            raise ValueError(f"{name} = {shown(getattr(settings, name))}: the teacher has plans for {value!r} only")
+        own = settings.motor_limit if name == "torque_limit" else getattr(settings, name)
+        if own != value:
+            raise ValueError(f"{name} = {shown(own)}: the teacher has plans for {value!r} only")
+    for name in (*needed, "torque_limit"):
+        if name in settings.randomisation:
+            drawn = shown(settings.randomisation[name])
+            raise ValueError(f"randomisation[{name!r}] = {drawn}: must be left out; the teacher has plans for one")
 
 
 def _bracket(grid: Floats, values: Floats) -> list[tuple[Indices, Floats]]:
@@ -174,7 +196,12 @@ class Bank(NamedTuple):
 
 
 def lap_plans(
-    arm: ArmParameters, payloads: Sequence[float], stiffnesses: Sequence[float], folder: Path, wishes: Mapping[str, Any]
+    arm: ArmParameters,
+    payloads: Sequence[float],
+    stiffnesses: Sequence[float],
+    folder: Path,
+    wishes: Mapping[str, Any],
+    corner_time: float = 0.0,
 ) -> list[Plan]:
     """Make the plans that the folder does not hold yet, each from its neighbour's torques, and return all.
 
@@ -184,12 +211,14 @@ def lap_plans(
         stiffnesses: factors of the grid, increasing.
         folder: holds a file for each plan.
         wishes: fields of `TrackingProblem` that all plans share.
+        corner_time: over which the square's corners are blended [s].
     """
     folder.mkdir(parents=True, exist_ok=True)
     made: dict[tuple[str, int, int], Plan] = {}
     for lap, p, s in product(LAPS, range(len(payloads)), range(len(stiffnesses))):
         path = folder / f"{lap}-payload-{payloads[p]:g}-stiffness-{stiffnesses[s]:g}.npz"
-        problem = lap_problem(FlexibleArm(plant(arm, payloads[p], stiffnesses[s])), lap, **wishes)
+        one = FlexibleArm(plant(arm, payloads[p], stiffnesses[s]))
+        problem = lap_problem(one, lap, corner_time=corner_time, **wishes)
         neighbour = made.get((lap, p - 1, s)) or made.get((lap, p, s - 1)) or load_plan(f"default_{lap}")
         made[lap, p, s] = read(path, problem, wishes) or _make(path, problem, neighbour)
     return list(made.values())
@@ -224,7 +253,7 @@ def read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Pla
     plan = Plan.load(path)
     if not solves(plan, problem, wishes):
         raise ValueError(
-            f"{path}: a plan of another arm, or not with {dict(wishes)}; remove it, or name another folder"
+            f"{path}: a plan of another arm or path, or not with {dict(wishes)}; remove it, or name another folder"
         )
     return plan
 

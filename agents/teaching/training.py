@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from flexarm_agents.environments import make_batch
+from flexarm_agents.environments import make_batch, settings_of
 from flexarm_agents.policies.encoders import past_readings
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import DAggerConfig
@@ -21,6 +21,7 @@ from flexarm_agents.teaching.rollouts import Rollout, run_rollout
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training.loop import Rounds
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.warm_start import check_curriculum
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
@@ -36,14 +37,20 @@ class DAggerTraining(Rounds):
     teacher: Teacher
     student: Student
 
+    def __init__(self, config: DAggerConfig, run: RunFolder) -> None:
+        """Check the curriculum, and that the teacher can have plans for the task; see `Training`."""
+        super().__init__(config, run)
+        check_curriculum(config)
+        self.options = config.options | config.curriculum_options | {"start": "corner"}  # of the batch
+        if config.drawn_paths:
+            self.options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}
+        kind = PathTeacher if config.drawn_paths else Teacher
+        kind.check(settings_of(config.environment, self.options))
+
     def start(self) -> None:
         """See `Training`."""
         config = self.config
-        check_curriculum(config)
-        options = config.options | config.curriculum_options | {"start": "corner"}
-        if config.drawn_paths:
-            options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}
-        self.env = env = make_batch(config.environment, config.arms, options)
+        self.env = env = make_batch(config.environment, config.arms, self.options)
         plans = self.run.path / "plans" if config.plans is None else Path(config.plans)
         if config.drawn_paths:
             self.teacher = PathTeacher.along(config, env, plans)

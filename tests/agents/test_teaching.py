@@ -21,7 +21,7 @@ from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, lap_plans
 from flexarm_agents.teaching.training import DAggerTraining
 from flexarm_agents.training.run_folder import RunFolder
-from flexarm_baselines.optimal import Plan, load_plan
+from flexarm_baselines.optimal import Plan, TrackingProblem, load_plan
 from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
@@ -86,17 +86,42 @@ def pupils(lap: Any, **parameters: list[float]) -> Pupils:
 def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
     files = sorted(path.name for path in (run / "plans").iterdir())
     assert files == ["plain-payload-0-stiffness-1.npz", "swing-payload-0-stiffness-1.npz"]
-    with refuses(ValueError, "stiffness-1.npz: a plan of another arm, or not with {'change_weight': 0.1}; remove it"):
+    with refuses(ValueError, "stiffness-1.npz: a plan of another arm or path, or not with {'change_weight': 0.1}"):
         lap_plans(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
 
 
 @pytest.mark.parametrize(
-    "options", [{"action_mode": "residual"}, {"reference": "circle"}, {"direction": "either"}, {"control_period": 0.02}]
+    "options",
+    [
+        {"action_mode": "residual"},
+        {"reference": "circle"},
+        {"direction": "either"},
+        {"control_period": 0.02},
+        {"side": 10.0},
+        {"lap_time": 20.0},
+        {"start_corner": "upper left"},
+        {"torque_limit": (200.0, 80.0)},
+    ],
 )
 def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> None:
     (name,) = options
     with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
         Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
+
+
+def test_plans_are_for_the_environments_own_corners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problems: list[TrackingProblem] = []
+
+    def make(path: Path, problem: TrackingProblem, neighbour: Plan) -> Plan:
+        problems.append(problem)
+        return neighbour
+
+    monkeypatch.setattr("flexarm_agents.teaching.teacher._make", make)
+    settings = settings_of("FlexArm/SmoothSquare-v0", {})
+    Teacher.of(DAggerConfig(), settings, tmp_path)
+    assert len(problems) == 2
+    for problem in problems:
+        np.testing.assert_array_equal(problem.reference[::100], settings.paths[0].position(np.arange(17.0)))
 
 
 @pytest.mark.compiled  # a whole lap
@@ -235,7 +260,7 @@ def test_the_teacher_takes_over_arms_that_a_student_would_lose(drawn: Any) -> No
     assert run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost == 0
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PathTeacher, "rescues", False)
-        assert run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost > 0
+        assert 0 < run_rollout(drawn.env, drawn.teacher, idle, config, 1).lost <= config.arms  # each one once
 
 
 def test_paths_that_a_student_leaves_are_drawn_more_often(drawn: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -259,8 +284,14 @@ def test_plans_of_drawn_paths_are_kept_and_others_refused(drawn: Any) -> None:
     again = PathTeacher.along(drawn.config, drawn.env, folder)
     np.testing.assert_allclose(again.plans.states, drawn.teacher.plans.states, atol=1e-5)
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
-    with refuses(ValueError, "1000000.npz: a plan of another arm, or not with"):
+    with refuses(ValueError, "1000000.npz: a plan of another arm or path, or not with"):
         PathTeacher.along(replace(drawn.config, change_weight=0.2), drawn.env, folder)
+
+
+def test_paths_of_which_none_got_a_plan_are_refused(drawn: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexarm_agents.teaching.path_teacher._plan", lambda *given: None)
+    with refuses(ValueError, "drawn_paths = 3: no path got a plan with an r.m.s. error below 0.3 m"):
+        PathTeacher.along(drawn.config, drawn.env, drawn.run.path / "plans")
 
 
 def test_a_student_learns_mirror_images() -> None:
