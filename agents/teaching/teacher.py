@@ -226,7 +226,7 @@ def lap_plans(
 
 def carrying_plans(config: DAggerConfig, payloads: Sequence[float], stiffnesses: Sequence[float]) -> list[Plan]:
     """Make plans for an environment whose payload changes within the lap; arguments as of `lap_plans`."""
-    with closing(make_one(config.environment, config.options | {"frame": "world"})) as env:
+    with closing(make_one(config.environment, config.options | config.curriculum_options | {"frame": "world"})) as env:
         task = Task.of(env)
     assert task.payloads is not None
     own = task.reference, task.payloads

@@ -18,7 +18,7 @@ from flexarm_agents.teaching.drawn_paths import FASTEST, RING, drawn_path
 from flexarm_agents.teaching.path_teacher import PathTeacher
 from flexarm_agents.teaching.rollouts import Rollout, run_rollout, teacher_share
 from flexarm_agents.teaching.student import Student
-from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, lap_plans
+from flexarm_agents.teaching.teacher import Bank, Pupils, Teacher, carrying_plans, lap_plans
 from flexarm_agents.teaching.training import DAggerTraining
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal import Plan, TrackingProblem, load_plan
@@ -141,6 +141,12 @@ def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
     env.close()
     with refuses(ValueError, "motor_time_constant = ", "the teacher has plans for"):
         Teacher.of(config, settings_of(config.environment, {"motor_time_constant": (0.01, 0.01)}), Path())
+
+
+def test_a_curriculum_with_loads_is_planned_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexarm_agents.teaching.teacher.plan_phases", lambda arm, reference, *more: len(reference))
+    config = DAggerConfig(environment="FlexArm/Carry-v0", curriculum_options={"lap_time": 30.0})
+    assert carrying_plans(config, [0.5], [1.0]) == [3001, 3001]
 
 
 def test_the_teacher_drives_less_and_less() -> None:
