@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.validation import integer, listed
+from flexarm_env.validation import integer, listed, real_array
 
 Array = NDArray[np.float32]
 Memory = tuple[NDArray[Any], ...]  # each with a leading axis of n arms
@@ -144,6 +144,16 @@ def encoded(encoder: Encoder, observations: Array, memory: Memory, starting: NDA
         for part, new in zip(after, first_memory, strict=True):
             part[starting] = new
     return inputs, after
+
+
+def float32_array(name: str, value: ArrayLike) -> Array:
+    """Check an array of numbers that are finite as float32, and return it as such: itself, where it is of this type."""
+    real_array(name, value)
+    with np.errstate(over="ignore"):  # it is infinite then, and refused
+        array = np.asarray(value, dtype=np.float32)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: must be finite")
+    return array
 
 
 def checked_increasing(name: str, values: object, least: int, most: int) -> tuple[int, ...]:

@@ -12,6 +12,7 @@ import gymnasium
 from flexarm_agents.environments import check_id, make_one, settings_of
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_env.envs.settings import Settings, present_names
+from flexarm_env.parameters import arm_parameters
 from flexarm_env.simulation import archive
 from flexarm_env.validation import known_names, mapping, shown
 
@@ -44,8 +45,9 @@ class Trained:
 
     @property
     def has_own_arm(self) -> bool:
-        """Whether it was trained on another arm than the default one, which is the board's."""
-        return "arm" in self.options
+        """Whether it was trained on another arm than the board's: the default one, or its id's for an own task."""
+        usual = settings_of(self.environment, {}).arm if self.has_own_task else "default"
+        return arm_parameters(settings_of(self.environment, self.options).arm) != arm_parameters(usual)
 
     @property
     def has_own_task(self) -> bool:

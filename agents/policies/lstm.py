@@ -11,8 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexarm_agents.policies.encoders import Array, Encoder, Memory
-from flexarm_env.validation import real_array
+from flexarm_agents.policies.encoders import Array, Encoder, Memory, float32_array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,10 +27,9 @@ class Lstm(Encoder):
         return f"{type(self).__name__}({self.inputs})"
 
     def __post_init__(self) -> None:
-        """Check that the arrays are finite and fit together."""
+        """Check that the arrays are finite and fit together; they become float32."""
         for name in self.ARRAYS:
-            if not np.isfinite(real_array(name, getattr(self, name))).all():
-                raise ValueError(f"{name}: must be finite")
+            object.__setattr__(self, name, float32_array(name, getattr(self, name)))
         _check_shapes(*(np.shape(getattr(self, name)) for name in self.ARRAYS))
 
     @property

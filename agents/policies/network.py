@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.policies.encoders import Array, PastReadings, encoded
+from flexarm_agents.policies.encoders import Array, PastReadings, encoded, float32_array
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.observer import Observer
 from flexarm_baselines.policy import checked_observation
 from flexarm_env.simulation import archive
-from flexarm_env.validation import choice, integer, listed, mapping, real_array, shown
+from flexarm_env.validation import choice, integer, listed, mapping, shown
 
 ENCODERS: tuple[type[PastReadings | Lstm | Observer], ...] = (PastReadings, Lstm, Observer)
 MOST_LAYERS = 100
@@ -42,6 +42,8 @@ class NetworkPolicy:
     An encoder turns observations into the network's inputs, fully connected layers give the mean of the action, and the
     head limits it to [-1, 1]. The head of PPO clips, and its standard deviation is constant. That of SAC and TQC is a
     tanh, and the standard deviation depends on the observation.
+
+    All arrays become float32.
 
     Attributes:
         weights: weights of each layer. Shape (outputs, inputs) each.
@@ -68,7 +70,7 @@ class NetworkPolicy:
         mapping("notes", self.notes)
         for name in ("weights", "biases"):
             listed(name, getattr(self, name))
-        _check_finite(self)
+        _take_arrays(self)
         _check_layers([np.shape(weight) for weight in self.weights], [np.shape(bias) for bias in self.biases])
         _check_head(self)
         if self.encoder is not None:
@@ -223,15 +225,17 @@ def _check_file(header: dict[str, Any], entries: Mapping[str, archive.Entry]) ->
     _check_layers([entries[name].shape for name in weights], [entries[name].shape for name in biases])
 
 
-def _check_finite(policy: NetworkPolicy) -> None:
-    """Refuse arrays that are not, or not all finite."""
-    arrays = {f"weights[{n}]": weight for n, weight in enumerate(policy.weights)}
-    arrays |= {f"biases[{n}]": bias for n, bias in enumerate(policy.biases)} | {"log_std": policy.log_std}
-    if policy.log_std_weights is not None:
-        arrays["log_std_weights"] = policy.log_std_weights
-    for name, array in arrays.items():
-        if not np.isfinite(real_array(name, array)).all():
-            raise ValueError(f"{name}: must be finite")
+def _take_arrays(policy: NetworkPolicy) -> None:
+    """Give all arrays the type that files have; refuse what is no array of finite numbers."""
+    found: dict[str, Any] = {
+        name: [float32_array(f"{name}[{n}]", array) for n, array in enumerate(getattr(policy, name))]
+        for name in ("weights", "biases")
+    }
+    for name in ("log_std", "log_std_weights"):
+        if getattr(policy, name) is not None:
+            found[name] = float32_array(name, getattr(policy, name))
+    for name, value in found.items():
+        object.__setattr__(policy, name, value)
 
 
 def _check_layers(weights: Sequence[Shape], biases: Sequence[Shape]) -> None:

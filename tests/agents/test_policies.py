@@ -1,6 +1,7 @@
 """Policies as numpy runs them: the actions of torch, encoders and their memory, files."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,15 @@ from hypothesis import strategies as st
 
 import flexarm_agents.training.models
 import flexarm_agents.training.reward
-from flexarm_agents import NetworkPolicy, config_of, export_onnx, load_policy, network_policy, train
+from flexarm_agents import (
+    NetworkPolicy,
+    config_of,
+    export_onnx,
+    load_policy,
+    network_policy,
+    shipped_policies,
+    train,
+)
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
@@ -95,6 +104,24 @@ def test_a_policys_own_randomness() -> None:
     np.testing.assert_allclose(first.std(axis=0), [0.1, 0.3], rtol=0.05)
     policy.seed(1)
     np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)), deterministic=False)[0], first)
+
+
+def test_a_policy_of_wider_numbers_survives_a_file(tmp_path: Path) -> None:
+    head, lstm = np.full((2, 3), 0.1), Lstm(np.full((12, 4), 0.1), np.full((12, 3), 0.1), np.full(12, 0.1))
+    wide = NetworkPolicy([head], [np.zeros(2)], np.zeros(2), encoder=lstm, log_std_weights=head)
+    wide.save(tmp_path / "wide.npz")
+    found, observation = NetworkPolicy.load(tmp_path / "wide.npz"), np.array([0.3, 0.2, 0.7, 0.1])
+    np.testing.assert_array_equal(found.predict(observation)[0], wide.predict(observation)[0])
+    with refuses(ValueError, "weights[0]: must be finite"):
+        NetworkPolicy([np.full((2, 3), 1e300)], [np.zeros(2)], np.zeros(2))
+
+
+def test_arms_of_ids_count_as_policies_own() -> None:
+    own = {name: load_policy(name).has_own_arm for name in shipped_policies()}
+    assert [name for name in own if own[name]] == ["scheduler_paper"]  # `carry` has the arm of its task
+    for environment, options in (("Lab-v0", {}), ("Square-v0", {"arm": "linear"}), ("Carry-v0", {"arm": "linear"})):
+        assert replace(load_policy("square"), environment=f"FlexArm/{environment}", options=options).has_own_arm
+    assert not replace(load_policy("square"), options={"arm": "default"}).has_own_arm
 
 
 @pytest.mark.parametrize("name", ["lags", "observer", "privileged"])
