@@ -158,6 +158,8 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     given = reader.parse_args(arguments)
     given.policies += given.policy
     for group in ("baselines", "shipped"):
+        if given.sweep is not None and getattr(given, group):
+            reader.error(f"--{group}: cannot go with --sweep, which runs POLICY alone")
         if getattr(given, group) is None:
             setattr(given, group, not given.policy)
     check_environment(reader, given, given.policies)

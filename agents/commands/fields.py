@@ -31,7 +31,7 @@ def read_fields(reader: Reader, kind: type[Config], given: argparse.Namespace) -
     names = [one.name for one in fields(kind)]  # type: ignore[arg-type]
     try:
         return kind(**{name: getattr(given, name) for name in names})
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         reader.error(str(error))
 
 

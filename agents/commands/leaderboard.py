@@ -24,7 +24,7 @@ from flexarm_agents.board.measure import (
 )
 from flexarm_agents.board.tables import place, ranking, tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
+from flexarm_agents.commands.arguments import Reader, json_argument, of_verb, width
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
@@ -58,7 +58,7 @@ def parser() -> Reader:
     reader.add_argument(
         "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"
     )
-    reader.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
+    reader.add_argument("--submitit", type=json_argument, default={}, metavar="JSON", help="parameters of submitit")
     return reader
 
 

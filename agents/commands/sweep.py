@@ -12,7 +12,7 @@ from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.summary import kept, merged, point_summary, spans
-from flexarm_agents.board.terms import TASKS
+from flexarm_agents.board.terms import TASKS, BoardTask
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import entry_of
 from flexarm_agents.commands.text import columns
@@ -60,25 +60,32 @@ def _results(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
 
 
 def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
-    """Write a line for each point: how many laps were lost, and the headline figure of its task."""
-    tasks = [TASKS[one.task] for one in column.points[: 1 if column.sample else None]]
-    figure, more = tasks[0].figures[tasks[0].headline], [AFTER] * all(AFTER in task.figures for task in tasks)
+    """Write a line for each point, in a table for all tasks with the same laps and headline figure."""
     axis = f" [{column.unit}]" if column.unit else ""
     values = ["all"] if column.sample else [_number(one.value) for one in column.points]
-    heads = ["lost", *(f"{what} [{figure.unit}]" for what in ("median", "90 %", "completed"))]
-    heads += [*(f"after 2 s [{tasks[0].figures[name].unit}]" for name in more), ""]
-    rows = [
-        (value, *_cells(point, task.headline, [task.headline, *more]))
-        for value, task, point in zip(values, tasks, points, strict=True)
-    ]
-    text = f"{figure.text[0].upper()}{figure.text[1:]}"
-    laps = " / ".join(f"{lap} lap" for lap in tasks[0].laps if lap) or "each episode"
-    legend = textwrap.fill(LEGEND.format(text=text, laps=laps, after=", and the same from 2 s on" * len(more)), 110)
-    lines = f"{legend}\n{columns([(f'{name}: {column.title.lower()}{axis}', *heads), *rows], right=True)}"
+    parts: dict[tuple[Any, ...], tuple[BoardTask, list[tuple[str, Summary | None]]]] = {}
+    for value, point, found in zip(values, column.points, points, strict=False):  # of a sample there is one line
+        task = TASKS[point.task]
+        kind = task.laps, task.headline, AFTER in task.figures
+        parts.setdefault(kind, (task, []))[1].append((value, found))
+    head = f"{name}: {column.title.lower()}{axis}"
+    lines = "\n\n".join(_part(head, task, rows) for task, rows in parts.values())
     if all(isinstance(point.value, float) for point in column.points):
         bound = "" if column.bound is None else f", mean errors below {column.bound:g} m"
         lines += f"\nno lap lost{bound}: {spans(kept(column, points)) or 'not at the nominal value'}"
     return lines
+
+
+def _part(head: str, task: BoardTask, points: Sequence[tuple[str, Summary | None]]) -> str:
+    """Write a line for each point of a task: how many laps were lost, and the task's headline figure."""
+    figure, more = task.figures[task.headline], [AFTER] * (AFTER in task.figures)
+    heads = ["lost", *(f"{what} [{figure.unit}]" for what in ("median", "90 %", "completed"))]
+    heads += [*(f"after 2 s [{task.figures[name].unit}]" for name in more), ""]
+    rows = [(value, *_cells(point, task.headline, [task.headline, *more])) for value, point in points]
+    text = f"{figure.text[0].upper()}{figure.text[1:]}"
+    laps = " / ".join(f"{lap} lap" for lap in task.laps if lap) or "each episode"
+    legend = textwrap.fill(LEGEND.format(text=text, laps=laps, after=", and the same from 2 s on" * len(more)), 110)
+    return f"{legend}\n{columns([(head, *heads), *rows], right=True)}"
 
 
 def _number(value: float | str) -> str:

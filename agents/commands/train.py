@@ -72,13 +72,13 @@ def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
         done = f"all {stopped.steps} steps are kept in {folder}" if stopped.steps else f"{folder}: no step was done yet"
         print(f"stopped; {done}; the same command with --resume goes on", file=sys.stderr)
         sys.exit(128 + stopped.signal)
+    trained = load_policy(outcome.folder)
+    races = settings_of(trained.environment, trained.options).mode.races
     for name, row in (("best", outcome.best), ("last", outcome.last)):
-        print(f"{name}: {read_score(row)}, at {row['steps']} steps")
+        print(f"{name}: {read_score(row, races)}, at {row['steps']} steps")
     print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
     if pictures := sorted(map(str, outcome.folder.glob("*.png"))):
         print(f"pictures: {', '.join(pictures)}")
-    trained = load_policy(outcome.folder)
-    races = settings_of(trained.environment, trained.options).mode.races
     lap = " --lap own" if races else ""
     print(f"next: flexarm render {outcome.folder}{lap} --output lap.png")
 

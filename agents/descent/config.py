@@ -33,7 +33,7 @@ class FOPGConfig(RunConfig):
     candidates: int = setting(3, integer, least=1)
     """Untrained policies with which the training begins; after `trial_rounds` of each the best one goes on."""
     trial_rounds: int = setting(4, integer, least=1)
-    """Rounds of each candidate; they are among the `rounds` of the one that goes on."""
+    """Rounds of each candidate; they are among the `rounds` of the one that goes on, which are more."""
     windows: int = setting(80, integer, least=1)
     """Windows in a round, each with one step of the policy's optimiser."""
     horizon: int = setting(32, integer, least=2)
@@ -78,9 +78,9 @@ class FOPGConfig(RunConfig):
             if one.name.startswith("critic_") and one.name != "critic_epochs":
                 if (given := getattr(self, one.name)) != one.default:
                     raise ValueError(f"{one.name} = {shown(given)}: has no effect with critic_epochs = 0")
-        if self.trial_rounds > self.rounds and self.candidates > 1:
+        if self.trial_rounds >= self.rounds and self.candidates > 1:
             bound = f"rounds = {self.rounds}, with more than one of candidates"
-            raise ValueError(f"trial_rounds = {self.trial_rounds}: must be at most {bound}")
+            raise ValueError(f"trial_rounds = {self.trial_rounds}: must be less than {bound}")
 
     @property
     def steps(self) -> int:

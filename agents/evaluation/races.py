@@ -60,8 +60,13 @@ def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> Standa
     return RaceScores(race, race)
 
 
-def read_score(values: Mapping[str, Any]) -> StandardScore:
-    """Read what `StandardScore.as_mapping` gave of laps or a race, with or without more."""
-    if values["plain"]["ended"] != FINISHED:
+def read_score(values: Mapping[str, Any], races: bool = False) -> StandardScore:
+    """Read what `StandardScore.as_mapping` gave of laps or a race, with or without more.
+
+    Args:
+        values: what it gave.
+        races: it is of a race, which a file tells of a finished one alone.
+    """
+    if not races and values["plain"]["ended"] != FINISHED:
         return StandardScore.of(values)
     return RaceScores(*(RaceScore.of(values[name]) for name in LAPS))

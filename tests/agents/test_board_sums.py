@@ -102,6 +102,17 @@ def test_each_task_has_its_own_figure_and_laps() -> None:
     assert second == ["unknown", "arms", "1", "of", "1", "lost", "lost", "-", "at", "21.00", "s"]
 
 
+def test_points_with_another_figure_or_other_laps_have_a_table_of_their_own() -> None:
+    carry, race = (COLUMNS[name] for name in ("carry", "race"))
+    first, second = sweep._table("mine", carry, [None] * 3).split("\n\n")
+    assert first.startswith("Distance of the tip from its mean place, r.m.s. over the rests, swing lap / plain lap: ")
+    assert [line.split("  ")[0].strip() for line in first.splitlines()[-2:]] == ["nominal mass", "0.2 to 1.5 kg"]
+    assert second.startswith("Distance of the tip from the reference, r.m.s. over the lap, swing lap / plain lap: ")
+    assert second.splitlines()[-1].startswith("on the lap ")
+    assert [head in second for head in ("mine: carry", "after 2 s [m]")] == [True, True]
+    assert "\n\n" not in sweep._table("mine", race, [None] * 2)
+
+
 def test_lost_laps_come_first_and_count() -> None:
     column = Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)
     complete = {"lap": "plain", "duration": 16.0, "figures": {"rms": 0.5, "rms_after_2s": 0.4, "maximum": 1.0}}

@@ -102,7 +102,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**SMALL, "curriculum_options": {"noise": 0.01}}, r"noise = 0.01: derivatives run through"),
         ({**SMALL, "curriculum_options": {"frame": "world"}}, r"curriculum_options = .*: must leave"),
         ({**FOPG, "torque_noise": 2.0}, r"torque_noise = 2.0"),
-        ({**FOPG, "rounds": 1}, r"trial_rounds = 4: must be at most rounds = 1, with more than one of"),
+        ({**FOPG, "rounds": 4}, r"trial_rounds = 4: must be less than rounds = 4, with more than one of"),
     ],
 }
 

@@ -21,7 +21,6 @@ number = 7
 ALONE = "--no-baselines --no-shipped"
 BAD = [  # status 1, and what the line says after "error: "
     ("show Sqare-v0", "environment = 'Sqare-v0': must be one of 'FlexArm/Carry-v0', "),
-    ('train --options {"noize":1}', "Settings.__init__() got an unexpected keyword argument 'noize'; did you mean 'no"),
     ("evaluate nobody", "policy 'nobody': neither a file or folder nor a known name; shipped "),
     ("evaluate --laps 0", "laps = 0: must be an integer >= 1"),
     (f"evaluate {ALONE}", "policies: nothing to score"),
@@ -66,10 +65,14 @@ WRONG = [  # status 2, and what the last line says after the verb and "error: "
     ("evaluate square --stable-baselines3 PPO", "--stable-baselines3: there is no zip file among the policies"),
     ("evaluate square --vec-normalize none", "--vec-normalize: there is no zip file among the policies"),
     ("evaluate square --environment Reach-v0 --own", "--own: cannot go with --environment"),
+    ("evaluate --policy square --sweep noise --baselines", "--baselines: cannot go with --sweep"),
+    ("evaluate --policy square --sweep noise --shipped", "--shipped: cannot go with --sweep"),
+    ("leaderboard --submitit {", "argument --submitit: {: not JSON"),
     ("render ifdc --save x.txt", "--save: must end in .npz, got "),
     ("render ifdc --vec-normalize none", "--vec-normalize: there is no zip file"),
     ("render ifdc --stable-baselines3 PPO", "--stable-baselines3: there is no zip file"),
     ("train --batch 7", "batch = 7: must divide"),
+    ('train --options {"noize":1}', "Settings.__init__() got an unexpected keyword argument 'noize'; did you mean 'no"),
     ('train --batch 1000 --options {"noise":0.1}', "batch = 1000: must divide rollout * envs"),
     ("train --algorithm sac --clip 0.2", "unrecognized arguments: --clip 0.2"),
     ("train --epochs many", "argument --epochs: invalid int value: 'many'"),

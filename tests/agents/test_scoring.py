@@ -72,6 +72,8 @@ def test_who_stands_still_has_lost_the_race() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Race-v0", max_episode_steps=50)
     found = evaluate(env, lambda observation: np.array([0.0, 0.0, -1.0], np.float32))
     assert str(found) == "race lost: time limit"
+    assert read_score(found.as_mapping(), races=True) == found
+    assert str(read_score(found.as_mapping(), races=True)) == "race lost: time limit"
     finished = RaceScores(*[RaceScore(*lap(0.1, "finished", 50.0))] * 2)
     assert rank([finished]) < rank([read_score(found.as_mapping())])  # as files have it, in which it is no race
 

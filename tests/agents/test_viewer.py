@@ -296,6 +296,15 @@ def test_render_runs_an_episode_that_replay_shows_again(
     assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("ended", "said"),
+    [("finished", "finished in 0.50 s"), ("truncated", "complete"), ("error", "ended by error at 0.50 s")],
+)
+def test_render_says_how_an_episode_ended(ended: str, said: str) -> None:
+    run = FlexibleArm().record(np.linspace(0.0, 0.5, 51), np.zeros((51, 16)), np.zeros((51, 2)))
+    assert render.end_of(replace(run, notes={"ended": ended})) == said
+
+
 @pytest.mark.parametrize("verb", ["render", "play"])
 def test_what_draws_is_missed_before_anything_runs(verb: str, flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
