@@ -64,7 +64,7 @@ def is_unfinished(path: Path) -> bool:
 
 def write_text(path: Path, text: str) -> None:
     """Write text; the file is complete or absent."""
-    put(path, lambda aside: aside.write_text(text))
+    put(path, lambda aside: aside.write_text(text, encoding="utf-8"))
 
 
 def write_json(path: Path, values: Any, levels: int | None = None) -> None:

@@ -107,7 +107,7 @@ class Store:
         """
         path = self.path(cell.key)
         try:
-            content = json.loads(path.read_text())
+            content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != FORMAT:
                 raise ValueError(f"format = {shown(content['format'])}: must be {FORMAT}")
             if content["hash"] != _content_hash(cell.depends, content["result"]):

@@ -230,7 +230,7 @@ def _added(source: str) -> Entry:
     if not source.endswith(".json"):
         return Entry(source)
     try:
-        values = mapping(source, json.loads(Path(source).read_text()))
+        values = mapping(source, json.loads(Path(source).read_text(encoding="utf-8")))
         known_names(source, values, [one.name for one in fields(Entry)])
         return Entry(**values)
     except (TypeError, ValueError) as error:

@@ -56,7 +56,7 @@ def best_plans(name: str = "default") -> Best:
     """Return the errors of the best plan known for each lap of a square [m]; `name` is how its plans' names begin."""
     found = {}
     for lap in LAPS:
-        score = json.loads((PLANS / f"{name}_{lap}.json").read_text())["score"]
+        score = json.loads((PLANS / f"{name}_{lap}.json").read_text(encoding="utf-8"))["score"]
         found[lap] = {"rms": score["true_tip_rms"], "rms_after_2s": score["true_tip_rms_after_2s"]}
     return found
 

@@ -178,7 +178,7 @@ class TrainingLoop:
         self._env = make_one(training.config.environment, training.config.options)
         self._races = self._env.unwrapped.settings.mode.races  # type: ignore[attr-defined]
         self._laps = {"plain": "race"} if self._races else {lap: f"{lap} lap" for lap in LAPS}
-        self._versions = json.loads(training.run.versions.read_text())
+        self._versions = json.loads(training.run.versions.read_text(encoding="utf-8"))
         self._began, self._before = time.perf_counter(), training.progress.seconds
         with_bar = progress and sys.stderr.isatty()
         steps = {"initial": training.steps, "total": training.total, "unit": " steps", "unit_scale": True}

@@ -86,7 +86,7 @@ class RunFolder:
         if not self.config.is_file():
             raise FileNotFoundError(f"folder = {self.path}: holds no {self.config.name}, so there is no training in it")
         try:
-            values = json.loads(self.config.read_text())
+            values = json.loads(self.config.read_text(encoding="utf-8"))
             if values.pop("format") != _FORMAT:
                 raise ValueError(f"this version reads format {_FORMAT}")
             return kind.of(values)
@@ -99,7 +99,7 @@ class RunFolder:
         flat = [_flat(row) for row in rows]
 
         def write(aside: Path) -> None:
-            with aside.open("w", newline="") as file:
+            with aside.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, list(flat[0]))
                 writer.writeheader()
                 writer.writerows(flat)

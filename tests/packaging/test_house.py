@@ -33,6 +33,13 @@ def test_imports_follow_the_flow() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
+def test_agents_read_and_write_text_in_utf_8_on_every_machine() -> None:
+    call = re.compile(r"\.(?:read_text|write_text)\(.*|\bopen\(.*\"[wa]\".*")
+    for path in sorted((ROOT / "agents").rglob("*.py")):
+        for line in call.findall(path.read_text(encoding="utf-8")):
+            assert 'encoding="utf-8"' in line or "os.devnull" in line, f"{path}: {line}"
+
+
 # A line that breaks a contract, the file it is added to, and what the report then says.
 VIOLATIONS = (
     ("flexarm_env/parameters.py", "import flexarm_env.envs.single", "parameters -> flexarm_env.envs.single"),
