@@ -10,7 +10,9 @@ scheduling*, Automatica 36, 2000.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, j
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
+from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 
 # Encoders are trusted little, and their rates hardly at all: at the first moves the filter would else take fast
@@ -113,6 +116,8 @@ class AdaptiveLQG(LQG):
     the rest to first order. A second filter estimates how late the motors are. The pairs of a bank begin with different
     values; the arm is driven by the pair whose innovations are smallest, with hysteresis (`least_in_doubt`).
 
+    Equal tasks share a design, which takes long: its arrays are read-only.
+
     Attributes:
         filter: tables of all nodes of the grid, for each of these those of all plans.
         regulator: likewise.
@@ -143,25 +148,13 @@ class AdaptiveLQG(LQG):
         """
         PlanController.__init__(self, task, plans)
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
-        arm = FlexibleArm(task.arm)
-        kalman = KalmanFilter(
-            arm,
-            task.period,
-            task.delay,
-            task.sensor_position,
-            noise,
-            {name: one.deviation for name, one in self.quantities.items()},
-            {name: one.drift for name, one in self.quantities.items()},
-        )
-        filters, regulators = [], []
         self._grid = sorted(payloads), sorted(stiffnesses)
-        for nodes in zip(*(grid(plan, arm, *self._grid, weights) for plan in self.plans), strict=True):
-            node_plans = [node.plan for node in nodes]
-            problems = [node.problem.with_quantities(OF_THE_ARM) for node in nodes]
-            filters.append(FilterTables.along(kalman, node_plans, **named(nodes[0].values)))
-            regulators.append(RegulatorTables.along(node_plans, problems, late / task.period))
-        self.filter, self.regulator = joined(filters), joined(regulators)
-        size = 2 * arm.size
+        numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)
+        design = Design(task.arm, numbers, *map(tuple, self._grid), weights, late / task.period)
+        sensor = task.period, task.delay, task.sensor_position
+        self.filter = filters(design, *sensor, noise, tuple(self.quantities.items()))
+        self.regulator = regulators(design)[1]
+        size = self.plans[0].states.shape[1]
         self._quantities = slice(size, size + len(ESTIMATED))
         self._of_the_arm = size + len(OF_THE_ARM)
         self._least, self._most = np.array([(one.least, one.most) for one in ESTIMATED.values()]).T
@@ -269,3 +262,89 @@ def least_in_doubt(doubt: Floats, believed: Array) -> Array:
     """
     arms, least = np.arange(len(doubt)), np.argmin(doubt, axis=1)
     return np.where(doubt[arms, least] < doubt[arms, believed] - MARGIN, least, believed)
+
+
+# --- the design, once for equal tasks --------------------------------------------------------------------------------
+
+
+class PlanNumbers(NamedTuple):
+    """What a plan holds, but for its notes, as values that can be compared and hashed."""
+
+    parameters: ArmParameters
+    states: bytes
+    torques: bytes
+    reference: bytes
+    limits: tuple[float, float]
+    period: float
+    step: float
+    payloads: bytes | None
+
+    @classmethod
+    def of(cls, plan: Plan) -> PlanNumbers:
+        """Take them from a plan."""
+        arrays = plan.states.tobytes(), plan.torques.tobytes(), plan.reference.tobytes()
+        payloads = None if plan.payloads is None else plan.payloads.tobytes()
+        return cls(plan.parameters, *arrays, plan.limits, plan.period, plan.step, payloads)
+
+    def plan(self) -> Plan:
+        """Make the plan again."""
+        torques, reference = (np.frombuffer(one).reshape(-1, 2) for one in (self.torques, self.reference))
+        arrays = np.frombuffer(self.states).reshape(len(reference), -1), torques, reference
+        payloads = None if self.payloads is None else np.frombuffer(self.payloads)
+        return Plan(self.parameters, *arrays, self.limits, self.period, self.step, payloads=payloads)
+
+
+class Design(NamedTuple):
+    """What nodes and regulators depend on.
+
+    Attributes:
+        arm: see `nodes.grid`.
+        plans: likewise.
+        payloads: likewise [kg].
+        stiffnesses: likewise.
+        weights: likewise.
+        late: share of a control period after which torques act.
+    """
+
+    arm: ArmParameters
+    plans: tuple[PlanNumbers, ...]
+    payloads: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+    weights: RegulatorWeights
+    late: float
+
+
+@lru_cache(maxsize=4)
+def regulators(design: Design) -> tuple[list[tuple[Floats, list[Plan]]], RegulatorTables]:
+    """Return values and plans of each node, and the regulators of all nodes."""
+    arm, found, tables = FlexibleArm(design.arm), [], []
+    own = arm, design.payloads, design.stiffnesses, design.weights
+    for nodes in zip(*(grid(plan.plan(), *own) for plan in design.plans), strict=True):
+        plans = [node.plan for node in nodes]
+        problems = [node.problem.with_quantities(OF_THE_ARM) for node in nodes]
+        tables.append(RegulatorTables.along(plans, problems, design.late))
+        found.append((nodes[0].values, plans))
+    return found, read_only(joined(tables))
+
+
+@lru_cache(maxsize=4)
+def filters(
+    design: Design,
+    period: float,
+    delay: float,
+    sensor_position: float,
+    noise: NoiseModel,
+    quantities: tuple[tuple[str, Unknown], ...],
+) -> FilterTables:
+    """Return the filters of all nodes; see `KalmanFilter`."""
+    deviations, drifts = ({name: one[n] for name, one in quantities} for n in (0, 1))
+    kalman = KalmanFilter(FlexibleArm(design.arm), period, delay, sensor_position, noise, deviations, drifts)
+    nodes, _ = regulators(design)
+    return read_only(joined([FilterTables.along(kalman, plans, **named(values)) for values, plans in nodes]))
+
+
+def read_only(tables: Any) -> Any:
+    """Make the arrays of tables read-only, since others have the same ones."""
+    for one in fields(tables):
+        getattr(tables, one.name).flags.writeable = False
+    return tables

@@ -41,7 +41,7 @@ class NoiseModel:
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "torque":
-                pair("torque", value, "N m", least=0.0)
+                object.__setattr__(self, "torque", pair("torque", value, "N m", least=0.0))
             elif field.name.startswith("start_") or field.name == "modal_force":
                 number(field.name, value, least=0.0)
             else:

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, hinf, nodes
+from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, StampedLQG, hinf, nodes
 from flexarm_baselines.lqg.adaptive import Beliefs, least_in_doubt
 from flexarm_baselines.lqg.hinf import Game, HInfinityLQG, Solution, least_gamma
 from flexarm_baselines.lqg.imu import InertialLQG
@@ -18,7 +18,7 @@ from flexarm_baselines.optimal import GOOD, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
-from tests.support.late_arm import ARM, SIZE, START, Plant, plan, task
+from tests.support.late_arm import ARM, BLOCKS, SIZE, START, Plant, plan, task
 from tests.support.refusals import refused
 
 WEIGHTS = RegulatorWeights(tip=0.01, speed=0.3, torque=(6.0, 2.0))
@@ -179,6 +179,22 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     assert estimate[:, SIZE + 3] == pytest.approx([0.0234, 0.0234], abs=3e-3)
     assert (late < 4e-3).all()  # where it began; these motors are not late
     assert errors[1] < 0.5 * errors[0]
+
+
+def test_equal_tasks_share_a_design_and_others_do_not() -> None:
+    few = {"payloads": (0.0, 0.1), "stiffnesses": (1.0,)}
+    anew = replace(plan(), states=plan().states.copy(), notes={"another": "object"})
+    first, again = (AdaptiveLQG(replace(task()), [one], **few) for one in (plan(), anew))
+    assert again.filter is first.filter
+    assert again.regulator is first.regulator
+    assert again.plans[0] is anew
+    with pytest.raises(ValueError, match="read-only"):
+        first.filter.gain[:] = 0.0
+    stamped = StampedLQG(replace(task(), blocks=BLOCKS | {"reading_age": slice(0, 1)}), [plan()], **few)
+    assert stamped.regulator is first.regulator
+    assert not np.array_equal(stamped.filter.gain, first.filter.gain)
+    anew.states[:, 0] += 0.1
+    assert not np.array_equal(AdaptiveLQG(task(), [anew], **few).filter.nominal, first.filter.nominal)
 
 
 @pytest.mark.slow
