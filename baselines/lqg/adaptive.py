@@ -19,7 +19,7 @@ import numpy as np
 from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Array, Floats, product
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.lqg.controller import LQG
+from flexarm_baselines.lqg.controller import LQG, share_of_a_period
 from flexarm_baselines.lqg.nodes import grid, named
 from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
@@ -145,8 +145,12 @@ class AdaptiveLQG(LQG):
             payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED` where the payload changes on the way.
             stiffnesses: factors on the links' stiffness of the grid.
             late: delay of the motors for which the regulators are designed [s].
+
+        Raises:
+            ValueError: if torques act later than a control period, or as in `PlanController`.
         """
         PlanController.__init__(self, task, plans)
+        share_of_a_period(task)  # its model has motors that are late by a period at most
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)
         numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)

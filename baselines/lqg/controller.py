@@ -87,11 +87,7 @@ class LQG(PlanController):
         if integral is not None:
             number("integral", integral, "m s", above=0.0)
         kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
-        self.late = task.actuation_delay / task.period
-        if self.late > 1.0:
-            raise ValueError(
-                f"env: actuation_delay = {task.actuation_delay} s: must be a control period, {task.period} s, at most"
-            )
+        self.late = share_of_a_period(task)
         self.integrates = integral is not None
         self.filter = FilterTables.along(kalman, self.plans, "modal_coordinates" in self.blocks)
         problems = [LinearQuadratic.along(plan, weights, arm) for plan in self.plans]
@@ -133,6 +129,20 @@ class LQG(PlanController):
         tip = fresh(seen["sensed_position"], before)
         others = [seen[name] for name in GAUGES if name in self.blocks]
         return np.concatenate([seen["joint_angles"], seen["joint_rates"], tip, *others], axis=1)
+
+
+def share_of_a_period(task: Task) -> float:
+    """Return the share of a control period after which torques act.
+
+    Raises:
+        ValueError: if they act later than a control period.
+    """
+    late = task.actuation_delay / task.period
+    if late > 1.0:
+        raise ValueError(
+            f"env: actuation_delay = {task.actuation_delay} s: must be a control period, {task.period} s, at most"
+        )
+    return late
 
 
 class GaugedLQG(LQG):

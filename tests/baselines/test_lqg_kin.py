@@ -63,6 +63,7 @@ test_refusals = refused(
     (lambda: HInfinityLQG(with_changes(), [plan()]), "payload_changes"),
     (lambda: InertialLQG(with_changes(), [plan()]), "payload_changes"),
     (lambda: HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()]), r"actuation_delay = 0\.01 s"),
+    (lambda: AdaptiveLQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* at most"),
     (lambda: HInfinityLQG(task(), [plan()], gamma=1e-6), r"gamma = 1e-06: no controller guarantees it"),
 )
 
