@@ -44,6 +44,7 @@ class LQG(PlanController):
     beforehand; a control period takes a few products.
 
     Attributes:
+        kalman: the filter that the tables are made of.
         filter: see `FilterTables`.
         regulator: see `RegulatorTables`.
         late: share of a control period after which torques act.
@@ -86,10 +87,10 @@ class LQG(PlanController):
             delay = task.delay if choice("delay", delay, DELAYS) == "known" else 0.0
         if integral is not None:
             number("integral", integral, "m s", above=0.0)
-        kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
+        self.kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
         self.late = share_of_a_period(task)
         self.integrates = integral is not None
-        self.filter = FilterTables.along(kalman, self.plans, "modal_coordinates" in self.blocks)
+        self.filter = FilterTables.along(self.kalman, self.plans, "modal_coordinates" in self.blocks)
         problems = [LinearQuadratic.along(plan, weights, arm) for plan in self.plans]
         self.regulator = RegulatorTables.along(self.plans, problems, self.late, integral, feed_forward)
 

@@ -64,12 +64,10 @@ class InertialLQG(LQG):
         if task.payloads is not None:
             raise ValueError("env: payload_changes: what the IMU should read is computed for one payload throughout")
         super().__init__(task, plans, noise=noise, **design)
-        arm = FlexibleArm(task.arm)
         self.before = np.stack([np.vstack([np.zeros(2), plan.torques[:-1]]) for plan in self.plans])
         states = np.stack([plan.states[:-1] for plan in self.plans])
-        self.expected, self.by_state, self.by_torque = readings_along(arm, states, self.before)
-        kalman = KalmanFilter(arm, task.period, task.delay, task.sensor_position, noise)
-        self.gain = self._with_imu(kalman, np.square(trust))
+        self.expected, self.by_state, self.by_torque = readings_along(self.kalman.arm, states, self.before)
+        self.gain = self._with_imu(self.kalman, np.square(trust))
 
     @classmethod
     def options(cls) -> dict[str, Any]:

@@ -171,6 +171,16 @@ def test_an_imu_that_is_not_trusted_changes_nothing(inertial: InertialLQG) -> No
     np.testing.assert_allclose(deaf.filter.gain, plain.filter.gain, atol=1e-6 * np.abs(plain.filter.gain).max())
 
 
+@pytest.mark.parametrize(
+    "design", [{"delay": "ignored"}, {"model": FlexibleArm(replace(ARM.parameters, payload_mass=0.3))}], ids=list
+)
+def test_with_an_imu_too_it_is_designed_for_what_is_given(design: dict[str, Any]) -> None:
+    """The gains are those of LQG where the IMU is not trusted, whatever model and delay."""
+    own = replace(task(), blocks=BLOCKS | {"accelerometer": slice(0, 2), "gyro": slice(2, 3)})
+    deaf, plain = InertialLQG(own, [plan()], trust=(1e9, 1e9, 1e9), **design), LQG(own, [plan()], **design)
+    np.testing.assert_allclose(deaf.filter.gain, plain.filter.gain, atol=1e-6 * np.abs(plain.filter.gain).max())
+
+
 # --- iterative learning ----------------------------------------------------------------------------------------------
 
 
