@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,9 @@ def bode(plant: Plant, omega: ArrayLike | None = None) -> tuple[FrequencyRespons
     """
     instance("plant", plant, Plant)
     if omega is None:
-        elastic = poles(plant).frequencies[4:]  # the first four are those of the free joints
+        own = 2 * plant.point.arm.size  # without the poles of motors and Pade models
+        arm = replace(plant, A=plant.A[:own, :own])
+        elastic = poles(arm).frequencies[4:]  # the first four are those of the free joints
         omega = np.geomspace(0.05 * elastic[0], 2.0 * elastic[-1], 2000)
     frequencies = finite_array("omega", omega, (None,))
     if not len(frequencies) or not np.all(np.diff(frequencies, prepend=0.0) > 0.0):

@@ -16,6 +16,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis import (
     OperatingPoint,
     Sensor,
+    behind_motors,
     bode,
     frequency_response,
     joint_angles,
@@ -111,6 +112,15 @@ def test_bode_of_a_late_tip(monkeypatch: pytest.MonkeyPatch) -> None:
     plt.close(figure)
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     assert bode(late, [1.0])[1] is None
+
+
+def test_the_band_of_a_bode_plot_is_that_of_the_arm() -> None:
+    """Neither a motor's pole nor those of a delay's model move it."""
+    plant = linear_plant(OperatingPoint.at_point(ARM, (-6.3, 6.3)), tip(delay=0.0312))
+    omega = bode(plant)[0].omega
+    for other in (behind_motors(plant, (0.5, 1e-4)), plant.pade(8)):
+        np.testing.assert_array_equal(bode(other)[0].omega, omega)
+    plt.close("all")
 
 
 def test_singular_values_vanish_at_the_zeros() -> None:
