@@ -40,8 +40,14 @@ class RaceMPCC(Paced, NMPC):
             plans: the plan of the race.
             price: worth of a period of progress, as the tip's squared distance that costs as much in a period [m^2].
             **design: see `NMPC`; by default the filter estimates `UNKNOWN`, assumes the noise `DOUBTFUL`, and
-                predictions last `HORIZON`.
+                predictions last `HORIZON`. `iterations` and `damping` are as they are there by default.
+
+        Raises:
+            ValueError: for other `iterations` or `damping`, or as in `NMPC`.
         """
+        for name, only in (("iterations", 1), ("damping", 0.0)):
+            if design.get(name, only) != only:
+                raise ValueError(f"{name} = {design[name]!r}: must be {only}, contouring control takes nothing else")
         settings: dict[str, Any] = {"unknown": UNKNOWN, "noise": DOUBTFUL, "horizon": HORIZON, **design}
         super().__init__(task, plans=plans, **settings)
         own = self.iteration

@@ -27,7 +27,7 @@ from flexarm_baselines.task import Task
 from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.validation import choice, integer, mapping, number
+from flexarm_env.validation import choice, integer, mapping, number, shown
 
 HORIZON = 0.3  # [s]; as good on unknown arms as 0.5, where 0.2 begins to lose some (`scripts.control`, horizon)
 STEP = 2e-3  # [s]; of the model's integration
@@ -93,6 +93,7 @@ class PredictiveController(PlanController):
         number("deflection_limit", deflection_limit, "m", above=0.0)
         runs = ReferenceRun.along(self.plans, arm, periods, change_weight, deflection_limit)
         number("damping", damping, "m^2", least=0.0)
+        number("step", step, "s", above=0.0)
         self.iteration = RealTimeIteration(arm, runs, periods, task.torque_limit, task.period, step, damping)
 
     # --- what subclasses know ---------------------------------------------------------------------------------------
@@ -230,6 +231,30 @@ class StampedNMPC(NMPC):
     """`NMPC` that reads time stamps: they replace the delay, which must be one of the `unknown` quantities."""
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase", "reading_age")
+
+    def __init__(
+        self,
+        task: Task,
+        noise: NoiseModel = NOISE,
+        unknown: Mapping[str, float] | None = None,
+        drift: float = 0.1,
+        **design: Any,
+    ) -> None:
+        """Design filter and prediction.
+
+        Args:
+            task: see `Task`.
+            noise: see `NMPC`.
+            unknown: see `NMPC`; e.g. `STAMPED`.
+            drift: see `NMPC`.
+            **design: see `NMPC`.
+
+        Raises:
+            ValueError: if the delay is not one of the unknown quantities.
+        """
+        if "delay" not in mapping("unknown", unknown or {}):
+            raise ValueError(f"unknown = {shown(unknown)}: must have 'delay', which the time stamps replace")
+        super().__init__(task, noise, unknown, drift, **design)
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """See `NMPC`."""

@@ -18,6 +18,7 @@ from flexarm_baselines.predictive import (
     Instant,
     RealTimeIteration,
     ReferenceRun,
+    StampedNMPC,
     StateNMPC,
     previewed,
 )
@@ -234,6 +235,8 @@ test_refusals = refused(
     (lambda: NMPC(task(), reference="way"), "reference = 'way': must be one of"),
     (lambda: controller(iterations=0), "iterations = 0"),
     (lambda: controller(damping=-1.0), "damping"),
+    (lambda: controller(step=0.0), r"step = 0\.0: must be a finite number and > 0"),
+    (lambda: StampedNMPC(task(), unknown={"payload_mass": 0.5}), r"unknown = .*: must have 'delay'"),
     (lambda: controller(unknown={"mass": 1.0}), r"quantities = 'mass'"),
     (lambda: NMPC(task()), "the package has no plan for this arm"),
     (

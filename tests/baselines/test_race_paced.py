@@ -17,6 +17,8 @@ from flexarm_baselines.predictive import Instant, contouring
 from flexarm_baselines.predictive.contouring import Prediction
 from flexarm_baselines.race_mpcc import PRICE, RaceMPCC
 from flexarm_baselines.registry import controller
+from tests.support.late_arm import plan, task
+from tests.support.refusals import refused
 
 PERIODS = 80
 
@@ -107,3 +109,10 @@ def test_entries_have_the_steady_plan_and_another_one_is_refused() -> None:
         PacedLQG.for_env(env, replace(shifted, reference=shifted.reference + 0.1))
     with pytest.raises(ValueError, match="must be one of 'default', 'steady'"):
         PacedLQG.for_env(env, "fast")
+
+
+test_refusals = refused(
+    ({"iterations": 2}, "iterations = 2: must be 1"),
+    ({"damping": 0.1}, r"damping = 0\.1: must be 0\.0"),
+    by=lambda design: RaceMPCC(task(), [plan()], **design),
+)
