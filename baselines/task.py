@@ -26,9 +26,11 @@ class Task:
         path: the reference of a lap from its first corner on, by the time since the lap began.
         period: control period [s].
         torque_limit: torque limit of shoulder and elbow [N m]. Shape (2,).
+        sensor: what the late sensor reads, see the option.
         sensor_position: distance of the late sensor from the elbow [m].
         delay: delay of the late sensor [s].
         actuation_delay: from an action to its effect [s].
+        imu: link of the IMU, its distance from the link's root [m], and its delay [s]; None: there is none.
         payloads: what the tip carries in each control period of the lap [kg], NaN: the arm's or the episode's own
             payload; None: its own throughout. Shape (periods,).
         motors: options by which the motors are not ideal.
@@ -40,9 +42,11 @@ class Task:
     path: ReferencePath
     period: float = 0.01
     torque_limit: tuple[float, float] = (150.0, 50.0)
+    sensor: str = "true"
     sensor_position: float = 4.5
     delay: float = 0.0
     actuation_delay: float = 0.0
+    imu: tuple[int, float, float] | None = None
     payloads: Floats | None = field(default=None, repr=False)
     motors: tuple[str, ...] = ()
     blocks: dict[str, slice] = field(default_factory=dict, repr=False)
@@ -93,14 +97,25 @@ class Task:
             path=paths[settings.direction] if path is None else path,
             period=settings.control_period,
             torque_limit=tuple(settings.motor_limit),
+            sensor=settings.sensor,
             sensor_position=settings.sensor_position,
             delay=max(settings.sensor_delays),
             actuation_delay=settings.actuation_delay,
+            imu=_imu(settings),
             payloads=_payloads(settings),
             motors=tuple(name for name, value in IDEAL_MOTORS.items() if getattr(settings, name) != value),
             blocks=env_attribute(env, "observation_blocks"),
             scale=env_attribute(env, "observation_scale"),
         )
+
+    def check_true_point(self) -> None:
+        """Check that the late sensor reads where its point on link 2 is, as models of it have it.
+
+        Raises:
+            ValueError: if it does not.
+        """
+        if self.sensor != "true":
+            raise ValueError(f"env: sensor = {self.sensor!r}: must be 'true', a filter's model of the late sensor")
 
     def read(self, observations: Array, block: str) -> Floats:
         """Return a block of observations in its unit.
@@ -122,6 +137,14 @@ class Task:
         cosine, sine = self.read(observations, "lap_phase").T
         share = np.arctan2(sine, cosine) / (2.0 * np.pi)
         return self.period * np.mod(np.round(share * self.periods), self.periods)
+
+
+def _imu(settings: Any) -> tuple[int, float, float] | None:
+    """Return `Task.imu` of an environment."""
+    link, place = settings.imu_link, settings.imu_position
+    if link is None:
+        return None
+    return link, settings.flexible_arm.parameters.link_lengths[link - 1] if place is None else place, settings.imu_delay
 
 
 def _payloads(settings: Any) -> Floats | None:

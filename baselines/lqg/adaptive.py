@@ -147,9 +147,10 @@ class AdaptiveLQG(LQG):
             late: delay of the motors for which the regulators are designed [s].
 
         Raises:
-            ValueError: if torques act later than a control period, or as in `PlanController`.
+            ValueError: see `LQG`.
         """
         PlanController.__init__(self, task, plans)
+        task.check_true_point()
         share_of_a_period(task)  # its model has motors that are late by a period at most
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)

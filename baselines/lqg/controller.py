@@ -79,9 +79,11 @@ class LQG(PlanController):
                 [m s]; None: no integral action.
 
         Raises:
-            ValueError: if torques act later than a control period, or as in `PlanController`.
+            ValueError: if torques act later than a control period, the late sensor does not read where its point is, or
+                as in `PlanController`.
         """
         super().__init__(task, plans)
+        task.check_true_point()
         arm = FlexibleArm(task.arm) if model is None else model
         if isinstance(delay, str):
             delay = task.delay if choice("delay", delay, DELAYS) == "known" else 0.0

@@ -60,7 +60,16 @@ class InertialLQG(LQG):
             noise: standard deviations that the filter assumes of encoders, tip and model.
             trust: those of the IMU's accelerometer, along and across the tangent [m/s^2], and of its gyro [rad/s].
             **design: see `LQG`.
+
+        Raises:
+            ValueError: if the payload changes, the IMU is not at the tip of link 2 or late, or as in `LQG`.
         """
+        if task.imu is not None and task.imu != (2, task.arm.link_lengths[1], 0.0):
+            link, position, delay = task.imu
+            raise ValueError(
+                f"env: imu_link = {link}, imu_position = {position} m, imu_delay = {delay} s: must be at the tip of "
+                "link 2, and not late"
+            )
         if task.payloads is not None:
             raise ValueError("env: payload_changes: what the IMU should read is computed for one payload throughout")
         super().__init__(task, plans, noise=noise, **design)

@@ -181,7 +181,11 @@ class NMPC(PredictiveController):
                 `UNKNOWN`; see `KalmanFilter`. The model that predicts has those of the arm, too. None: none.
             drift: see `KalmanFilter`.
             **design: see `PredictiveController`.
+
+        Raises:
+            ValueError: if the late sensor does not read where its point is, or as in `PlanController`.
         """
+        task.check_true_point()
         super().__init__(task, **design)
         arm, unknown = self.iteration.model, mapping("unknown", unknown or {})
         self.filter = KalmanFilter(arm, task.period, task.delay, task.sensor_position, noise, unknown, drift)

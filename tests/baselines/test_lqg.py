@@ -98,6 +98,7 @@ def test_integral_action_takes_away_a_steady_error() -> None:
 
 test_refusals = refused(
     (lambda: LQG(task(), [plan()], delay="late"), "delay = 'late': must be one of"),  # type: ignore[arg-type]
+    (lambda: LQG(replace(task(), sensor="collocated"), [plan()]), "sensor = 'collocated': must be 'true'"),
     (lambda: LQG(task(), [plan()], integral=0.0), r"integral = 0\.0.*must be a finite number and > 0"),
     (lambda: LQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* 0\.01 s, at most"),
     (
@@ -169,6 +170,12 @@ def test_an_imu_that_is_not_trusted_changes_nothing(inertial: InertialLQG) -> No
     assert np.abs(deaf.gain).max() < 1e-6
     plain = LQG(inertial.task, inertial.plans[:1])
     np.testing.assert_allclose(deaf.filter.gain, plain.filter.gain, atol=1e-6 * np.abs(plain.filter.gain).max())
+
+
+@pytest.mark.parametrize("other", [{"imu_position": 2.0}, {"imu_delay": 0.01}, {"imu_link": 1}], ids=list)
+def test_an_imu_elsewhere_is_refused(other: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(other))} = .*must be at the tip of link 2, and not late"):
+        InertialLQG.for_env(gymnasium.make(ID, **InertialLQG.options() | other))
 
 
 @pytest.mark.parametrize(

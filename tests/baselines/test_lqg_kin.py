@@ -62,6 +62,7 @@ def with_changes() -> Task:
 test_refusals = refused(
     (lambda: HInfinityLQG(with_changes(), [plan()]), "payload_changes"),
     (lambda: InertialLQG(with_changes(), [plan()]), "payload_changes"),
+    (lambda: AdaptiveLQG(replace(task(), sensor="rigid"), [plan()]), "sensor = 'rigid': must be 'true'"),
     (lambda: HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()]), r"actuation_delay = 0\.01 s"),
     (lambda: AdaptiveLQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* at most"),
     (lambda: HInfinityLQG(task(), [plan()], gamma=1e-6), r"gamma = 1e-06: no controller guarantees it"),

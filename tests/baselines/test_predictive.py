@@ -238,6 +238,7 @@ test_refusals = refused(
     (lambda: controller(step=0.0), r"step = 0\.0: must be a finite number and > 0"),
     (lambda: StampedNMPC(task(), unknown={"payload_mass": 0.5}), r"unknown = .*: must have 'delay'"),
     (lambda: controller(unknown={"mass": 1.0}), r"quantities = 'mass'"),
+    (lambda: NMPC(replace(task(), sensor="rigid")), "sensor = 'rigid': must be 'true'"),
     (lambda: NMPC(task()), "the package has no plan for this arm"),
     (
         lambda: GaugedNMPC(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), plans=[plan()]),
