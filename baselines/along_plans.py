@@ -11,11 +11,11 @@ import numpy as np
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Seen, TorqueController
 from flexarm_baselines.joint_space.reference import nearest_turn
-from flexarm_baselines.optimal.library import plans_for
+from flexarm_baselines.optimal.library import SAME, SAME_PERIOD, plans_for
 from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.task import Task
-from flexarm_env.parameters import ElbowBranch
+from flexarm_env.parameters import ArmParameters, ElbowBranch
 from flexarm_env.validation import shown
 
 
@@ -35,7 +35,8 @@ class PlanController(TorqueController, ABC):
                 changes new ones (`plan_phases`).
 
         Raises:
-            ValueError: if the task's motors are not ideal, there is no plan, or one has not the task's control periods.
+            ValueError: if the task's motors are not ideal, there is no plan, or one has not the task's control periods
+                or reference.
         """
         super().__init__(task)
         if task.motors:
@@ -45,24 +46,38 @@ class PlanController(TorqueController, ABC):
             )
         reference = task.reference
         if plans is None:
-            plans = [plan for _, plan in plans_for(task.arm, reference, task.period, task.torque_limit)]
-            if task.payloads is not None:
-                own = (reference, task.payloads), (task.period, task.torque_limit)
-                plans = [plan_phases(task.arm, *own[0], side, *own[1]) for side in get_args(ElbowBranch)]
+            own = task.period, task.torque_limit
+            if task.payloads is None:
+                plans = [plan for _, plan in plans_for(task.arm, reference, *own)]
+            else:
+                sides = get_args(ElbowBranch)
+                plans = [plan_phases(task.arm, reference, task.payloads, side, *own) for side in sides]
             if not plans:
                 raise ValueError(
                     "env: the package has no plan for this arm, reference, control period and torque limit; make one "
                     "(docs/optimal.md) and give it as plans"
                 )
         for n, plan in enumerate(plans):
-            if plan.reference.shape != reference.shape or plan.period != task.period:
+            if plan.reference.shape != reference.shape or abs(plan.period - task.period) > SAME_PERIOD:
                 raise ValueError(
                     f"plans[{n}]: must have {task.periods} periods of {task.period} s, has {len(plan.torques)} of "
                     f"{plan.period} s"
                 )
+            if (off := np.abs(plan.reference - reference)[:-1].max()) > SAME:  # a race ends elsewhere than it began
+                raise ValueError(f"plans[{n}]: must be along the task's reference, its own is up to {off:.3g} m off")
         if not plans:
             raise ValueError(f"plans = {shown(plans)}: must hold one at least")
         self.plans = tuple(plans)
+
+    def check_modes(self, arm: ArmParameters) -> None:
+        """Check that the plans are of arms with as many modes as one.
+
+        Raises:
+            ValueError: if one is not.
+        """
+        for n, plan in enumerate(self.plans):
+            if (modes := plan.parameters.modes_per_link) != arm.modes_per_link:
+                raise ValueError(f"plans[{n}]: must have {arm.modes_per_link} modes of each link, has {modes}")
 
     def nearest(self, joints: Floats, period: Array) -> Array:
         """Choose the plans whose joint angles are nearest.

@@ -37,6 +37,7 @@ class PlanFollower(PlanController):
             ValueError: see `PlanController`.
         """
         super().__init__(task, plans)
+        self.check_modes(task.arm)
         self._states = np.stack([plan.states for plan in self.plans])
         self._torques = np.stack([plan.torques for plan in self.plans])
         self._gains = np.stack([PlanRegulator(plan, weights).gains for plan in self.plans])

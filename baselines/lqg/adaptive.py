@@ -151,6 +151,7 @@ class AdaptiveLQG(LQG):
         """
         PlanController.__init__(self, task, plans)
         task.check_true_point()
+        self.check_modes(task.arm)
         share_of_a_period(task)  # its model has motors that are late by a period at most
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)

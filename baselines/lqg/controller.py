@@ -85,6 +85,7 @@ class LQG(PlanController):
         super().__init__(task, plans)
         task.check_true_point()
         arm = FlexibleArm(task.arm) if model is None else model
+        self.check_modes(arm.parameters)
         if isinstance(delay, str):
             delay = task.delay if choice("delay", delay, DELAYS) == "known" else 0.0
         if integral is not None:

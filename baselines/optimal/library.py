@@ -12,6 +12,7 @@ from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names, plan_tas
 from flexarm_env.parameters import ArmParameters
 
 SAME = 1e-6  # [m]; references that are nowhere farther apart are the same
+SAME_PERIOD = 1e-12  # [s]; likewise of control periods
 
 
 def turned(plan: Plan, angle: float) -> Plan:
@@ -48,7 +49,7 @@ def plans_for(
     found = []
     for name in plan_names():
         parameters, own_limits, own_period, way = _task_of(name)
-        fits = parameters == arm and abs(own_period - period) < 1e-12 and np.allclose(own_limits, limits)
+        fits = parameters == arm and abs(own_period - period) <= SAME_PERIOD and np.allclose(own_limits, limits)
         moved = moved_onto(_loaded(name), reference) if fits and way.shape == reference.shape else None
         if moved is not None:
             found.append((name, moved))

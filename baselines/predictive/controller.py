@@ -86,6 +86,7 @@ class PredictiveController(PlanController):
         if choice("reference", reference, REFERENCES) == "path" and plans is None:
             plans = previewed(arm, task.reference, task.torque_limit, task.period)
         super().__init__(task, plans)
+        self.check_modes(arm.parameters)
         periods = round(number("horizon", horizon, "s", above=0.0) / task.period)
         if periods < 1 or abs(periods * task.period - horizon) > 1e-9:
             raise ValueError(f"horizon = {horizon!r}: must be a whole number of control periods of {task.period} s")

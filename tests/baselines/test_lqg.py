@@ -99,6 +99,10 @@ def test_integral_action_takes_away_a_steady_error() -> None:
 test_refusals = refused(
     (lambda: LQG(task(), [plan()], delay="late"), "delay = 'late': must be one of"),  # type: ignore[arg-type]
     (lambda: LQG(replace(task(), sensor="collocated"), [plan()]), "sensor = 'collocated': must be 'true'"),
+    (
+        lambda: LQG(task(), [plan()], model=FlexibleArm(replace(ARM.parameters, modes_per_link=2))),
+        r"plans\[0\]: must have 2 modes of each link, has 1",
+    ),
     (lambda: LQG(task(), [plan()], integral=0.0), r"integral = 0\.0.*must be a finite number and > 0"),
     (lambda: LQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* 0\.01 s, at most"),
     (

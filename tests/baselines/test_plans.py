@@ -151,5 +151,9 @@ test_plans_that_do_not_fit_are_refused = refused(
         r"no plan for .*period and torque limit",
     ),
     (lambda: PlanFollower(task_of_plan(), [replace(PLAIN, **LATER)]), r"plans\[0\]: must .* 1600 .* 0\.01 s, has 1599"),
+    (
+        lambda: PlanFollower(task_of_plan(), [replace(PLAIN, reference=PLAIN.reference + 1e-3)]),
+        r"plans\[0\]: must be along the task's reference, its own is up to 0\.001 m off",
+    ),
     (lambda: PlanFollower(task_of_plan(), []), "must hold one at least"),
 )
