@@ -192,10 +192,17 @@ def least_gamma(game: Game, low: float = 1.0, high: float = 1e5, digits: float =
 
     Args:
         game: the game.
-        low: a gamma that no controller guarantees; not checked.
-        high: a gamma that a controller guarantees; not checked.
+        low: a gamma that no controller guarantees.
+        high: a gamma that a controller guarantees.
         digits: relative accuracy.
+
+    Raises:
+        ValueError: if `low` is guaranteed, or `high` is not.
     """
+    if game.solved(number("low", low, above=0.0)):
+        raise ValueError(f"low = {low}: must be a gamma that no controller guarantees")
+    if not game.solved(number("high", high, above=low)):
+        raise ValueError(f"high = {high}: must be a gamma that a controller guarantees")
     while high / low > 1.0 + digits:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if game.solved(middle) else (middle, high)

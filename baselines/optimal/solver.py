@@ -163,7 +163,7 @@ class Search:
         self.curvature = None
         self.backward(REGULARISATION[1])
         residual, by_end = optimality(problem, self.run, self.slopes, self.expansion, self.gains)
-        self.residual = residual / self.cost
+        self.residual = residual / self.cost if self.cost > 0.0 else 0.0  # nothing is better than no cost
         if self.exact:
             self.curvature = dynamics_curvature(problem, self.run, self.slopes, by_end)
         self.expected = self.backward(self.regularisation)

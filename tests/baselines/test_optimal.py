@@ -21,7 +21,7 @@ from flexarm_baselines.optimal import (
 )
 from flexarm_baselines.optimal import laps as lap_plans
 from flexarm_baselines.optimal.adjoint import torque_gradient
-from flexarm_baselines.optimal.solver import dynamics_curvature, rollout
+from flexarm_baselines.optimal.solver import Iteration, dynamics_curvature, rollout
 from flexarm_env import ArmParameters, SquareParameters
 from flexarm_env.simulation.feedback import Rollout
 from tests.support.late_arm import ARM, SIZE, START
@@ -118,6 +118,12 @@ def test_no_iteration_returns_the_start_and_progress_is_called_for_each() -> Non
     some = optimise(case, IDLE, SolverOptions(iterations=2), seen.append)
     assert seen == list(some.log[1:])
     assert len(seen) == 2
+
+
+def test_a_start_that_costs_nothing_is_best() -> None:
+    found = optimise(problem(tip_weights=np.zeros(PERIODS + 1)), IDLE)
+    assert found.converged
+    assert found.log == (Iteration(0.0, 0.0, 0.0, 0.0),)
 
 
 def test_joint_angles_are_on_the_branches_in_their_time() -> None:
