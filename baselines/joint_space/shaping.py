@@ -53,7 +53,8 @@ def impulses(shaper: str, frequency: float, damping: float = 0.0) -> Impulses:
     """
     choice("shaper", shaper, SHAPERS)
     half = np.pi / number("frequency", frequency, "rad/s", above=0.0)
-    k = float(np.exp(-np.pi * damping / np.sqrt(1.0 - number("damping", damping, least=0.0, most=0.99) ** 2)))
+    number("damping", damping, least=0.0, most=0.99)
+    k = float(np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2)))
     weights = {
         "none": [1.0],
         "ZV": [1.0, k],

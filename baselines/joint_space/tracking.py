@@ -26,10 +26,10 @@ from flexarm_baselines.joint_space.reference import joint_motion, nearest_turn
 from flexarm_baselines.joint_space.shaping import ShapedReference, impulses
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import choice, integer, number, pair
+from flexarm_env.validation import choice, flag, integer, number, pair
 
 FINE = 5e-3  # [s]; grid on which motions are computed
-MARGIN = 1.0  # [s] of motion before and after what is used
+MARGIN = 1.0  # [s] of motion before and after what is used; half of it may go to late motors
 AT_REST = 0.05  # [rad/s]; joints that are slower count as at rest
 FEEDFORWARDS = ("none", "rigid", "flexible")
 
@@ -55,8 +55,9 @@ class JointFeedback:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        pair("stiffness", self.stiffness, "N m/rad", least=0.0)
-        pair("resistance", self.resistance, "N m s/rad", least=0.0)
+        decoupled = flag("decoupled", self.decoupled)
+        pair("stiffness", self.stiffness, "1/s^2" if decoupled else "N m/rad", least=0.0)
+        pair("resistance", self.resistance, "1/s" if decoupled else "N m s/rad", least=0.0)
         number("angle_filter", self.angle_filter, "s", least=0.0)
         number("rate_filter", self.rate_filter, "s", least=0.0)
 
@@ -214,7 +215,8 @@ class JointTracking(TorqueController):
         """
         task, begun = self.task, 0 if period is None else period
         instants = task.period * (begun + np.arange(task.periods + 1, dtype=np.float64))
-        count = round((task.lap_time + 2.0 * MARGIN) / FINE)
+        later = max(task.actuation_delay - 0.5 * MARGIN, 0.0)
+        count = round((task.lap_time + 2.0 * MARGIN + later) / FINE)
         times = instants[0] - MARGIN + FINE * np.arange(count + 1)
         found = self._carried(times, self._joints(times, side, None if period is None else instants[0]))
         acting = instants + task.actuation_delay  # what is commanded then acts later

@@ -289,7 +289,7 @@ class PlanNumbers(NamedTuple):
     def of(cls, plan: Plan) -> PlanNumbers:
         """Take them from a plan."""
         arrays = plan.states.tobytes(), plan.torques.tobytes(), plan.reference.tobytes()
-        payloads = None if plan.payloads is None else plan.payloads.tobytes()
+        payloads = None if plan.payloads is None else np.asarray(plan.payloads, dtype=np.float64).tobytes()
         return cls(plan.parameters, *arrays, plan.limits, plan.period, plan.step, payloads)
 
     def plan(self) -> Plan:

@@ -23,6 +23,7 @@ from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.validation import choice
 
 RACES = PLANS / "races"  # a plan's note "ways" has how far the reference is at each instant [m]
+RACING: dict[str, Any] = {"action_mode": "race", "start": "corner"}  # options of the environments
 
 
 class RaceLQG(LQG):
@@ -38,7 +39,7 @@ class RaceLQG(LQG):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment gives the controller what it reads."""
-        return super().options() | {"action_mode": "race", "start": "corner"}
+        return super().options() | RACING
 
     @classmethod
     def for_env(cls, env: Any, plan: Plan | None = None, **design: Any) -> Self:

@@ -20,7 +20,7 @@ from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.adaptive import AdaptiveLQG
 from flexarm_baselines.lqg.controller import LQG
-from flexarm_baselines.lqg.race import RaceLQG, race_plan
+from flexarm_baselines.lqg.race import RACING, RaceLQG, race_plan
 from flexarm_baselines.observers import SENSORS
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.policy import env_attribute
@@ -53,7 +53,7 @@ class Paced(PlanController):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment gives the controller what it reads."""
-        return super().options() | {"action_mode": "race", "start": "corner"}
+        return super().options() | RACING
 
     @classmethod
     def for_env(cls, env: Any, plan: Plan | str = "default", **design: Any) -> Self:
@@ -118,7 +118,7 @@ class PacedLQG(Paced, LQG):
         placed = Placed(seen.task, seen.observations)
         placed.instants = instants
         torque, after = super().torque(placed, tuple(own))
-        instants = instants + self.pace(instants, way, torque, after)
+        instants = instants + self.pace(instants, after)
         share, way, speed = self.led(instants, way, speed)
         return np.column_stack([torque, share]), (*after, instants, way, speed)
 
@@ -126,14 +126,12 @@ class PacedLQG(Paced, LQG):
         """Return the estimate for the next instant, z of `FilterTables`, from the memory of it. Shape (n, d)."""
         return after[0]
 
-    def pace(self, instants: Floats, way: Floats, torque: Floats, after: Memory) -> Floats:
+    def pace(self, instants: Floats, after: Memory) -> Floats:
         """Return by how many periods the plan goes on: more where the tip is ahead, less where it lags. Shape (n,).
 
         Args:
             instants: the plans'. Shape (n,).
-            way: how far the reference is [m]. Shape (n,).
-            torque: that acts until the next instant [N m]. Shape (n, 2).
-            after: the memory of then.
+            after: the memory of the next instant.
         """
         tip = self._tip(self.expected(after))
         around = np.rint(instants)[:, None].astype(np.int64) + np.arange(-NEAR, NEAR + 1)

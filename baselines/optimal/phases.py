@@ -17,6 +17,7 @@ from flexarm_baselines.optimal.starts import Branch, along
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import rest_state
+from flexarm_env.validation import finite_array
 
 ITERATIONS = 60  # at most of each stretch; where the reference is smooth ten are enough
 
@@ -45,7 +46,8 @@ def plan_phases(
     Raises:
         DivergingStartError: if a stretch diverges.
     """
-    return _planned(arm, reference.tobytes(), payloads.tobytes(), side, period, limits)
+    points, masses = finite_array("reference", reference, (None, 2)), np.asarray(payloads, dtype=np.float64)
+    return _planned(arm, points.tobytes(), masses.tobytes(), side, period, limits)
 
 
 @lru_cache(maxsize=8)

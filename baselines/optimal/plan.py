@@ -23,6 +23,7 @@ from flexarm_env.validation import choice, finite_array, instance, mapping, numb
 PLANS = Path(__file__).resolve().parents[1] / "plans"
 _FORMAT = 1
 _ARRAYS = ("states", "torques", "reference")
+_BY_PERIOD = ("gains", "references", "torque_gains")  # tables of feedback with an entry for each control period
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +117,9 @@ class Plan:
         edges = [0, *(np.flatnonzero(np.diff(np.nan_to_num(self.payloads, nan=-1.0))) + 1).tolist(), len(torques)]
         parts: list[Rollout] = []
         for begin, end in pairwise(edges):
-            own = {name: x[begin:end] if name in ("gains", "references") else x for name, x in feedback.items()}
+            own = {name: x[begin:end] if name in _BY_PERIOD else x for name, x in feedback.items()}
+            if parts and "torque_gains" in feedback:
+                own["torque_before"] = parts[-1].torques[..., -1, :]
             carried = self.payloads[begin]
             own["payload_mass"] = mass if np.isnan(carried) else carried
             parts.append(arm.rollout(state, torques[begin:end], **options, **own))

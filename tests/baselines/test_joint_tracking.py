@@ -112,12 +112,24 @@ def test_after_a_lap_the_motion_goes_on(tracking: JointTracking) -> None:
     np.testing.assert_allclose(action * TASK.torque_limit, goal.torques[50], atol=2e-3)
 
 
+def test_late_motors_get_the_torques_of_later_periods(tracking: JointTracking) -> None:
+    """Also where they are later than the margin of the table."""
+    late = JointTracking(replace(TASK, actuation_delay=3.0))
+    (_, torques), (_, wanted) = (one.motion(-1.0, None) for one in (late, tracking))
+    np.testing.assert_allclose(torques, np.roll(wanted, -300, axis=0), atol=0.02)
+
+
 test_refusals = refused(
     (lambda: JointTracking(TASK, feedforward="full"), "feedforward = 'full'"),
     (lambda: JointTracking(TASK, Shape(shaper="UM")), "shaper = 'UM'"),
     (lambda: JointTracking(TASK, Shape(window=5.0)), r"window = 5\.0 s: with the impulses the shape is 20\.0 s wide"),
     (lambda: Shape(ramp=-1.0), r"ramp = -1\.0"),
     (lambda: JointFeedback(stiffness=(1.0, -1.0)), r"stiffness"),
+    (
+        lambda: JointFeedback(resistance=(1.0, -1.0), decoupled=True),
+        r"resistance\[1\] = -1\.0: must be .*>= 0\.0 \[1/s\]",
+    ),
+    (lambda: JointFeedback(decoupled="yes"), "TypeError: decoupled = 'yes': must be True or False"),  # type: ignore[arg-type]
     (lambda: JointFeedback(rate_filter=-0.1), r"rate_filter = -0\.1"),
     (lambda: ObservedTracking(TASK, rate=-1.0), r"rate = -1\.0"),
 )

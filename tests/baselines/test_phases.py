@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_baselines.joint_space.tracking import JointTracking
-from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, PlanRegulator
+from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, PlanRegulator, phases
 from flexarm_baselines.optimal.phases import plan_phases
 from flexarm_baselines.registry import controller, make_controller
 from flexarm_baselines.task import Task
@@ -18,6 +18,7 @@ from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.physics.paths import stops
 from flexarm_env.rollout import run_policy
 from tests.support.envs import make
+from tests.support.late_arm import plan as small_plan
 from tests.support.refusals import refuses
 
 ARM = ArmParameters.linear(modes_per_link=1, payload_mass=0.6)
@@ -55,6 +56,23 @@ def test_a_plan_is_the_motion_of_the_environment_whose_payload_changes() -> None
     assert (
         np.abs(run.state[:1300] - PlanRegulator(replace(plan, payloads=None)).plan.replay().states[:1300]).max() > 0.1
     )
+
+
+def test_feedback_of_torques_goes_on_where_the_payload_changes() -> None:
+    """A change to the same payload changes nothing."""
+    whole, gains = small_plan(), np.full((40, 2, 2), 0.3)
+    plan = replace(whole, payloads=np.repeat([np.nan, whole.parameters.payload_mass], 20))
+    runs = [one.rollout(plan.arm, plan.states[0], plan.torques, torque_gains=gains) for one in (plan, whole)]
+    np.testing.assert_allclose(runs[0].torques, runs[1].torques, rtol=1e-12)
+    assert np.abs(runs[0].torques - plan.torques).max() > 1.0
+
+
+def test_arrays_of_other_numbers_are_converted(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(phases, "_planned", lambda *given: asked.append(given))
+    for kind in (np.float64, np.float32):
+        plan_phases(ARM, np.ones((3, 2), dtype=kind), np.zeros(2, dtype=kind), "negative")
+    assert asked[0] == asked[1]
 
 
 def test_jacobians_are_those_of_the_arm_of_each_stretch() -> None:

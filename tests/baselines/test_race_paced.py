@@ -72,7 +72,7 @@ def test_the_pace_makes_up_for_the_lag_of_the_tip() -> None:
         (-9, MOST),
     ):
         after = (driver.filter.nominal[:, now + 1 - lag],)
-        found = driver.pace(np.full(1, float(now)), np.zeros(1), np.zeros((1, 2)), after)
+        found = driver.pace(np.full(1, float(now)), after)
         np.testing.assert_allclose(found, pace, atol=1e-12)
 
 

@@ -90,6 +90,7 @@ def test_without_window_it_is_the_shaped_polyline() -> None:
 
 test_refusals = refused(
     (lambda: impulses("UM", 1.0), "shaper = 'UM'"),
+    (lambda: impulses("ZV", 1.0, "much"), "TypeError: damping = 'much': must be"),  # type: ignore[arg-type]
     (lambda: impulses("ZV", 0.0), r"frequency = 0\.0"),
     (lambda: ShapedReference(PATH, impulses("ZV", 1.0), window=-1.0), r"window = -1\.0"),
 )
