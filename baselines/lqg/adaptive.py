@@ -10,9 +10,8 @@ scheduling*, Automatica 36, 2000.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,8 +19,8 @@ from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Array, Floats, product
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.controller import LQG, share_of_a_period
-from flexarm_baselines.lqg.nodes import grid, named
-from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined
+from flexarm_baselines.lqg.nodes import PlanNumbers, grid, named
+from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined, read_only
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
@@ -156,7 +155,7 @@ class AdaptiveLQG(LQG):
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)
         numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)
-        design = Design(task.arm, numbers, *map(tuple, self._grid), weights, late / task.period)
+        design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, late / task.period)
         sensor = task.period, task.delay, task.sensor_position
         self.filter = filters(design, *sensor, noise, tuple(self.quantities.items()))
         self.regulator = regulators(design)[1]
@@ -273,33 +272,6 @@ def least_in_doubt(doubt: Floats, believed: Array) -> Array:
 # --- the design, once for equal tasks --------------------------------------------------------------------------------
 
 
-class PlanNumbers(NamedTuple):
-    """What a plan holds, but for its notes, as values that can be compared and hashed."""
-
-    parameters: ArmParameters
-    states: bytes
-    torques: bytes
-    reference: bytes
-    limits: tuple[float, float]
-    period: float
-    step: float
-    payloads: bytes | None
-
-    @classmethod
-    def of(cls, plan: Plan) -> PlanNumbers:
-        """Take them from a plan."""
-        arrays = plan.states.tobytes(), plan.torques.tobytes(), plan.reference.tobytes()
-        payloads = None if plan.payloads is None else np.asarray(plan.payloads, dtype=np.float64).tobytes()
-        return cls(plan.parameters, *arrays, plan.limits, plan.period, plan.step, payloads)
-
-    def plan(self) -> Plan:
-        """Make the plan again."""
-        torques, reference = (np.frombuffer(one).reshape(-1, 2) for one in (self.torques, self.reference))
-        arrays = np.frombuffer(self.states).reshape(len(reference), -1), torques, reference
-        payloads = None if self.payloads is None else np.frombuffer(self.payloads)
-        return Plan(self.parameters, *arrays, self.limits, self.period, self.step, payloads=payloads)
-
-
 class Design(NamedTuple):
     """What nodes and regulators depend on.
 
@@ -347,10 +319,3 @@ def filters(
     kalman = KalmanFilter(FlexibleArm(design.arm), period, delay, sensor_position, noise, deviations, drifts)
     nodes, _ = regulators(design)
     return read_only(joined([FilterTables.along(kalman, plans, **named(values)) for values, plans in nodes]))
-
-
-def read_only(tables: Any) -> Any:
-    """Make the arrays of tables read-only, since others have the same ones."""
-    for one in fields(tables):
-        getattr(tables, one.name).flags.writeable = False
-    return tables

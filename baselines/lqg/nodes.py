@@ -11,6 +11,7 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.optimal.phases import plan_phases
+from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 
 NAMES = ("payload_mass", "stiffness")
@@ -122,3 +123,30 @@ def grid(
 def named(values: Floats) -> dict[str, Any]:
     """Return a node's values as `FlexibleArm.step` takes them."""
     return dict(zip(NAMES, values.tolist(), strict=True))
+
+
+class PlanNumbers(NamedTuple):
+    """What a plan holds, but for its notes, as values that can be compared and hashed."""
+
+    parameters: ArmParameters
+    states: bytes
+    torques: bytes
+    reference: bytes
+    limits: tuple[float, float]
+    period: float
+    step: float
+    payloads: bytes | None
+
+    @classmethod
+    def of(cls, plan: Plan) -> PlanNumbers:
+        """Take them from a plan."""
+        arrays = plan.states.tobytes(), plan.torques.tobytes(), plan.reference.tobytes()
+        payloads = None if plan.payloads is None else np.asarray(plan.payloads, dtype=np.float64).tobytes()
+        return cls(plan.parameters, *arrays, plan.limits, plan.period, plan.step, payloads)
+
+    def plan(self) -> Plan:
+        """Make the plan again."""
+        torques, reference = (np.frombuffer(one).reshape(-1, 2) for one in (self.torques, self.reference))
+        arrays = np.frombuffer(self.states).reshape(len(reference), -1), torques, reference
+        payloads = None if self.payloads is None else np.frombuffer(self.payloads)
+        return Plan(self.parameters, *arrays, self.limits, self.period, self.step, payloads=payloads)

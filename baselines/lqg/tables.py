@@ -30,6 +30,13 @@ def joined(tables: Sequence[Any], dtype: Any = np.float32) -> Any:
     return kind(**parts, **({"rows": tables[0].rows} if hasattr(tables[0], "rows") else {}))
 
 
+def read_only(tables: Any) -> Any:
+    """Make the arrays of tables read-only, since others have the same ones."""
+    for one in fields(tables):
+        getattr(tables, one.name).flags.writeable = False
+    return tables
+
+
 @dataclass(frozen=True)
 class FilterTables:
     """A Kalman filter along l plans of N control periods; z is the mean of its `Estimate`, with d numbers.
