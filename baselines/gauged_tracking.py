@@ -46,6 +46,7 @@ class GaugedTracking(PlanFollower):
                 limits=task.torque_limit,
                 period=task.period,
                 step=STEP,
+                payloads=task.payloads,
             )
             for side in (1.0, -1.0)
         ]

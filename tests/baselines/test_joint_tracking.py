@@ -165,6 +165,13 @@ def test_gauges_damp_what_joint_feedback_leaves() -> None:
     assert left[1] < left[0] / 3.0
 
 
+def test_gauges_hold_a_load_that_is_picked_up() -> None:
+    """The regulators are designed for what the tip carries; those for the empty tip lose the arm after 0.4 s."""
+    env = gymnasium.make("flexarm_env:FlexArm/Carry-v0", randomisation={}, **GaugedTracking.options())
+    run = run_policy(env, GaugedTracking.for_env(env), lap="plain", max_steps=100)
+    assert run.notes["ended"] == "truncated"
+
+
 # --- the disturbance observer ----------------------------------------------------------------------------------------
 
 
