@@ -20,7 +20,6 @@ from flexarm_agents import Spread
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.commands.train import tuned_for
-from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
@@ -88,7 +87,7 @@ def summary(settings: Sequence[Setting], config: RunConfig, found: Sequence[Trai
         key = _key(replace(config, **setting))
         own = [one for one in found if one.folder.parent.name == key]
         if own:
-            spread = Spread.of(_error(one.best) for one in own)
+            spread = Spread.of(rank([one.score])[1] if one.score.complete else None for one in own)
             trainings = [{"seed": one.config.seed, "folder": str(one.folder), **one.best} for one in own]
             rows.append({"setting": setting, **spread._asdict(), "trainings": trainings})
     return rows
@@ -136,11 +135,6 @@ def main() -> None:
 def _key(config: RunConfig) -> str:
     whole = {name: value for name, value in config.plain().items() if name != "seed"}
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:12]
-
-
-def _error(best: Mapping[str, Any]) -> float | None:
-    score = read_score(best)
-    return rank([score])[1] if score.complete else None
 
 
 if __name__ == "__main__":

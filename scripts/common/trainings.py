@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import DAggerConfig, StandardScore, evaluate, load_policy
+from flexarm_agents.environments import settings_of
 from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
@@ -28,6 +29,11 @@ class Training(NamedTuple):
     folder: Path  # where it lies
     best: dict[str, Any]  # the evaluation of its best policy, a row of `evaluations.json`
 
+    @property
+    def score(self) -> StandardScore:
+        """The score of its best policy."""
+        return read_score(self.best, settings_of(self.config.environment, self.config.options).mode.races)
+
 
 def trained(config: RunConfig, folder: Path) -> Training:
     """Train, resume an interrupted training, or reuse a finished one that this version scores alike.
@@ -38,12 +44,13 @@ def trained(config: RunConfig, folder: Path) -> Training:
     outcome = train(given, folder, resume=RunFolder(folder).config.exists())
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
-    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, read_score(outcome.best)):
+    found = Training(config, folder, outcome.best)
+    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, found.score):
         raise ValueError(
-            f"folder = {folder}: its best policy scored {read_score(outcome.best)}, and now {again}; another "
-            "version trained it, so remove the folder"
+            f"folder = {folder}: its best policy scored {found.score}, and now {again}; another version trained it, so "
+            "remove the folder"
         )
-    return Training(config, folder, outcome.best)
+    return found
 
 
 def _alike(one: StandardScore, other: StandardScore) -> bool:

@@ -10,7 +10,6 @@ from tqdm import tqdm
 
 from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
-from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
@@ -57,7 +56,7 @@ def train_and_ship(name: str, options: Options) -> None:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
     check_failures(failed, jobs[0][1].parent, "the other trainings are kept")
     for one in found:
-        print(f"{name}, seed {one.config.seed}: {read_score(one.best)}")
+        print(f"{name}, seed {one.config.seed}: {one.score}")
     if agent.drawn:
         keep_curves({name: found})
     cells = Store(options.output / "cells")

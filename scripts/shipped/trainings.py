@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_agents import Spread, load_policy
-from flexarm_agents.evaluation.races import RaceScores, read_score
+from flexarm_agents.evaluation.races import RaceScores
 from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.files import put, write_json
 from flexarm_agents.training.run_folder import RunFolder
@@ -20,7 +20,7 @@ def median(trainings: Sequence[Training]) -> Training:
     """Return the training, of an odd number, whose best policy is in the middle by `scoring.rank`."""
     if len(trainings) % 2 == 0:
         raise ValueError(f"trainings: must be an odd number, so that one is in the middle; got {len(trainings)}")
-    ranked = sorted(trainings, key=lambda one: rank([read_score(one.best)]))
+    ranked = sorted(trainings, key=lambda one: rank([one.score]))
     return ranked[len(ranked) // 2]
 
 
@@ -50,14 +50,14 @@ def export(
 
 def _figures(trainings: Sequence[Training]) -> tuple[str, tuple[str, ...]]:
     """Return by what trainings are compared, and the figures of a lap that a card has."""
-    if any(isinstance(read_score(one.best), RaceScores) for one in trainings):
+    if any(isinstance(one.score, RaceScores) for one in trainings):
         return "the time of the race", ("duration",)
     return "the mean r.m.s. of both laps", ("rms", "rms_after_2s")
 
 
 def _spread(trainings: Sequence[Training]) -> dict[str, dict[str, dict[str, float | None]]]:
     """Return median, interquartile mean and worst of each lap's errors [m], or a race's time [s]; None where lost."""
-    scores = [read_score(one.best) for one in trainings]
+    scores = [one.score for one in trainings]
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for lap in LAPS:
         laps = [getattr(score, lap) for score in scores]
