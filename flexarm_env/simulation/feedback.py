@@ -55,7 +55,7 @@ class FeedbackTorque(HeldTorque):
             u_t = clip(torques_t + gains_t (x_t - references_t) + torque_gains_t u_(t-1), -limits, limits).
 
         The leading axes of all arguments broadcast; what has none is shared by all arms and not copied. A state that
-        stops being finite comes back as NaN or infinite.
+        stops being finite comes back as NaN or infinite. The result's arrays are new.
 
         Args:
             state: at the start. Shape (..., 4 + 4 m).
@@ -71,12 +71,8 @@ class FeedbackTorque(HeldTorque):
             stiffness: see `step`. Shape (...).
             damping: see `step`. Shape (...).
 
-        Returns:
-            States and torques, new.
-
         Raises:
-            ValueError: for bad input, gains without references (or the reverse), or more than `MOST_NUMBERS`; a step
-                too long is refused with the longest that is allowed.
+            ValueError: for bad input, a step too long, gains or references alone, or more than `MOST_NUMBERS`.
         """
         tables = self._tables(torques, gains, references, torque_gains)
         before = finite_rows("torque_before", torque_before, 2, LARGEST)
