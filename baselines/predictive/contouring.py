@@ -2,8 +2,9 @@
 
 A prediction has, beside states and torques, the plan's instants, which grow by the *pace* in each control period. The
 pace is an input like the torques. A period costs the square of the tip's distance from the plan's reference at its
-instant, more beyond `ROOM`, and `price` less for each of the plan's periods that it gains. What follows the horizon is
-the cost-to-go along the plan, about its state at the prediction's last instant.
+instant, more beyond `ROOM`, and `price` less for each of the plan's periods that it gains. At the horizon's end the
+deviation from the plan costs what it would cost from there on under the plan's feedback (the curvature of
+`ReferenceRun`; not its slope, since the plan is optimal for the race and not for this distance).
 
 Sources: Lam, Manzie and Good, *Model predictive contouring control*, CDC 2010; Liniger, Domahidi and Morari, Optimal
 Control Applications and Methods 36, 2015 (racing); Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005.
@@ -114,8 +115,9 @@ class ContouringIteration(RealTimeIteration):
 
     @cached_property
     def ends(self) -> Floats:
-        """States and torques of the plan, side by side. Shape (P + 1 + N, s + 2)."""
-        return np.concatenate([self.runs.states[0], self.runs.torques[0]], axis=1)
+        """States of the plan and the torques before them, side by side. Shape (P + 1 + N, s + 2)."""
+        before = np.concatenate([np.zeros((1, 2)), self.runs.torques[0, :-1]])
+        return np.concatenate([self.runs.states[0], before], axis=1)
 
     def _squares(self, at: Prediction) -> list[tuple[float, Floats, Floats]]:
         """Return weights, the residuals whose squares instants cost, and their derivatives by (state, instant)."""
@@ -138,7 +140,7 @@ class ContouringIteration(RealTimeIteration):
         weight, weights, paces = self.runs.tip_weights[0], self.runs.torque_weights, np.diff(runs.instants)
         total = weight * np.sum(EVEN * (paces - 1.0) ** 2 - self.price * paces, axis=-1)
         for each, residuals, _ in self._squares(runs):
-            total += each * np.sum(residuals**2, axis=(-1, -2))
+            total += each * np.sum(residuals[..., :-1, :] ** 2, axis=(-1, -2))  # the end's are in what follows
         before = np.broadcast_to(now.before[:, None, None], runs.torques[..., :1, :].shape)
         change = np.diff(np.concatenate([before, runs.torques], axis=2), axis=2)
         total += np.sum(weights[0] * runs.torques**2 + weights[1] * change**2, axis=(-1, -2))
@@ -168,9 +170,7 @@ class ContouringIteration(RealTimeIteration):
         paces = np.diff(prediction.instants)
         count, periods, size = gradient.shape[0], paces.shape[1], gradient.shape[2] - 1
         at = size  # of the instant
-        ahead.slopes[:, : size + 1] += gradient[:, -1]
-        ahead.curvatures[:, : size + 1, : size + 1] += hessian[:, -1]
-        gradient[:, -1], hessian[:, -1] = 0.0, 0.0
+        gradient[:, -1], hessian[:, -1] = 0.0, 0.0  # in what follows
         found = _Slopes(*(np.empty((count, periods, *shape)) for shape in ((2,), (2, size + 3), (), (size + 3,))))
         for t in range(periods - 1, -1, -1):
             slopes, curvatures = ahead

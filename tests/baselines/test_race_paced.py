@@ -15,6 +15,7 @@ from flexarm_baselines.lqg.race_paced import LEAST, MOST, Paced, PacedLQG
 from flexarm_baselines.optimal import Plan
 from flexarm_baselines.predictive import Instant, contouring
 from flexarm_baselines.predictive.contouring import Prediction
+from flexarm_baselines.predictive.iteration import RealTimeIteration
 from flexarm_baselines.race_mpcc import PRICE, RaceMPCC
 from flexarm_baselines.registry import controller
 from tests.support.late_arm import plan, task
@@ -97,6 +98,24 @@ def test_contouring_gains_on_the_plan_within_limits_and_a_batch_is_as_one() -> N
     paces = np.diff(priced)
     assert (paces >= contouring.LEAST).all()
     assert (paces <= contouring.MOST).all()
+
+
+def test_at_the_plans_pace_contouring_is_the_iteration_of_nmpc(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a choice of pace, an iteration minimises the same cost: that of a horizon, and of what follows it."""
+    monkeypatch.setattr(contouring, "LEAST", 1.0)
+    monkeypatch.setattr(contouring, "MOST", 1.0)
+    env = gymnasium.make("FlexArm/Race-v0", **RaceMPCC.options())
+    own = RaceMPCC.for_env(env, beginning(2 * PERIODS), price=0.0).iteration
+    arguments = own.horizon, tuple(own.limits), own.period, own.step, own.damping
+    plain = RealTimeIteration(own.model, replace(own.runs, slopes=np.zeros_like(own.runs.slopes)), *arguments)
+    period, random = np.array([0, 7, 40]), np.random.default_rng(5)
+    states, torques = plain.predicted(np.zeros(3, dtype=np.int64), period)
+    run = own.model.rollout(states[:, 0], torques + random.normal(0.0, 4.0, torques.shape), period=own.period)
+    now = Instant(np.zeros(3, dtype=np.int64), period, states[:, 0], random.normal(0.0, 1.0, (3, 2)), {})
+    instants = period[:, None] + np.arange(own.horizon + 1.0)
+    found, same = own.contoured(Prediction(run.states, run.torques, instants), now), plain.improve(run, now)
+    np.testing.assert_allclose(found.torques, same.torques, rtol=0.0, atol=1e-6)
+    assert np.abs(same.torques - run.torques).max() > 0.1
 
 
 def test_entries_have_the_steady_plan_and_another_one_is_refused() -> None:
