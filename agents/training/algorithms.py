@@ -15,6 +15,7 @@ from flexarm_agents.policies.network import ACTIVATIONS
 from flexarm_agents.policies.observer import KINDS, check_observed
 from flexarm_agents.training.config import Activation, RunConfig, layers, optional, setting
 from flexarm_agents.training.hyperparameters import CURRICULUM, names_in_zoo, tuned
+from flexarm_agents.training.randomisation import check_ranges
 from flexarm_env.validation import choice, flag, integer, mapping, number, shown
 
 ObserverName = Literal["none", "nominal", "delay"]
@@ -58,6 +59,8 @@ class RewardConfig(RunConfig):
     """Options in which the training's environments differ from the environment of the score, e.g. a slower lap."""
     curriculum_steps: int | None = setting(None, optional, check=integer, least=1)
     """Steps until which `curriculum_options` hold, rounded up to whole rollouts; None: to the end."""
+    automatic_randomisation: bool = setting(False, flag)
+    """Ranges of `randomisation` begin narrow, and widen while few episodes are lost (`training.randomisation`)."""
     evaluate_every: int = setting(50_000, integer, least=1)
     """Steps between two evaluations, rounded up to whole rollouts."""
     checkpoint_every: int = setting(250_000, integer, least=1)
@@ -78,6 +81,12 @@ class RewardConfig(RunConfig):
             raise ValueError(
                 f"final_learning_rate = {self.final_learning_rate}: must be <= learning_rate = {self.learning_rate}"
             )
+        if self.automatic_randomisation:
+            if self.curriculum_steps is not None:
+                raise ValueError(
+                    f"curriculum_steps = {self.curriculum_steps}: must be left out with automatic_randomisation"
+                )
+            check_ranges(settings_of(self.environment, self.options | self.curriculum_options))
         if self.curriculum_steps is not None and (not self.curriculum_options or self.curriculum_steps >= self.steps):
             raise ValueError(
                 f"curriculum_steps = {self.curriculum_steps}: must go with curriculum_options, and be < steps = "

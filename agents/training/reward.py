@@ -11,6 +11,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
+from flexarm_agents.environments import settings_of
 from flexarm_agents.files import put
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.export import network_policy, set_network
@@ -18,6 +19,7 @@ from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
 from flexarm_agents.training.algorithms import PPOConfig, RewardConfig
 from flexarm_agents.training.loop import Training
 from flexarm_agents.training.models import batch_for, end_curriculum, hold_policy, model_class, new_model
+from flexarm_agents.training.randomisation import Width
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.warm_start import check_curriculum, initial_policy
 
@@ -25,16 +27,22 @@ _KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "ti
 
 
 class TrainingCallback(BaseCallback):
-    """Calls `pause` before each rollout; ends the curriculum and the steps in which the value learns alone."""
+    """Calls `pause` before each rollout; ends the curriculum and the steps in which the value learns alone.
+
+    Attributes:
+        width: of the ranges, where they widen; None: they stay.
+    """
 
     model: BaseAlgorithm
 
-    def __init__(self, config: RewardConfig, pause: Callable[[], None]) -> None:
+    def __init__(self, config: RewardConfig, pause: Callable[[], None], width: Width | None = None) -> None:
         super().__init__()
-        self._config, self._pause = config, pause
+        self._config, self._pause, self.width = config, pause, width
         self._before = 0  # steps before the rollout
 
     def _on_step(self) -> bool:
+        if self.width is not None:
+            self.width = self.width.after(self.locals["dones"], self.locals["infos"])
         return True
 
     def _on_rollout_start(self) -> None:
@@ -47,12 +55,26 @@ class TrainingCallback(BaseCallback):
         end = self._config.curriculum_steps
         if end is not None and self._before < end <= self.num_timesteps:
             end_curriculum(self._config, self.model)
+        if self.width is not None and (decided := self.width.decided()) is not self.width:
+            self.width = decided
+            widen(self._config, self.model, decided)
+            self.logger.record("randomisation/width", decided.share)
+
+
+def widen(config: RewardConfig, model: BaseAlgorithm, width: Width) -> None:
+    """Draw the episodes to come from ranges of a width."""
+    settings = settings_of(config.environment, config.options | config.curriculum_options)
+    env = model.get_env()
+    assert env is not None
+    env.set_attr("randomisation", width.ranges(settings))
 
 
 class RewardTraining(Training):
     """A training by reward; its parts are rollouts. The model is None before `start` or `restore`."""
 
     model: BaseAlgorithm | None = None
+    callback: TrainingCallback | None = None
+    width: Width | None = None  # of the ranges, when it begins or goes on
 
     def __init__(self, config: RewardConfig, run: RunFolder) -> None:
         """Check the algorithm's package, the curriculum and the initial policy; see `Training`."""
@@ -76,6 +98,8 @@ class RewardTraining(Training):
     def start(self) -> None:
         """See `Training`."""
         self.model = new_model(self.config)
+        if self.config.automatic_randomisation:
+            self.width = Width()
         if self._initial is not None:
             put(self.run.initial, self._initial.save)
             set_network(self.model, self._initial)
@@ -84,8 +108,10 @@ class RewardTraining(Training):
         """See `Training`."""
         assert self.model is not None
         self.model.set_logger(self.logger)
-        callback = TrainingCallback(self.config, pause)
-        self.model.learn(self.total - self.steps, callback, reset_num_timesteps=self.steps == 0)
+        if self.width is not None:
+            widen(self.config, self.model, self.width)
+        self.callback = TrainingCallback(self.config, pause, self.width)
+        self.model.learn(self.total - self.steps, self.callback, reset_num_timesteps=self.steps == 0)
 
     def policy(self) -> NetworkPolicy:
         """See `Training`."""
@@ -116,6 +142,7 @@ class RewardTraining(Training):
             "episodes": (monitor.episode_returns, monitor.episode_lengths),
             "lstm": getattr(model, "_last_lstm_states", None),
             "replay": None if complete else _replay(model),
+            "width": None if self.callback is None else self.callback.width,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -131,7 +158,7 @@ class RewardTraining(Training):
         if state["lstm"] is not None:
             model._last_lstm_states = state["lstm"]
         _restore_replay(model, state["replay"])
-        self.model = model
+        self.model, self.width = model, state["width"]
 
     def close(self) -> None:
         """See `Training`."""

@@ -28,11 +28,13 @@ from flexarm_agents import (
     network_policy,
     train,
 )
+from flexarm_agents.environments import settings_of
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_agents.training.models import end_curriculum, new_model
-from flexarm_agents.training.reward import TrainingCallback
+from flexarm_agents.training.randomisation import EPISODES, FIRST, STEP, Width
+from flexarm_agents.training.reward import TrainingCallback, widen
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINIES, TINY, Interrupted, same_network
 
@@ -225,3 +227,28 @@ def test_a_curriculum_ends() -> None:
     assert settings == [(32.0, None), (16.0, 1.5)]
     assert spaces[0] == spaces[2] == spaces[3]
     model.learn(256, reset_num_timesteps=False)
+
+
+def test_ranges_widen_while_few_are_lost() -> None:
+    """They begin at the arm as published, and never leave the options' own."""
+    config = config_of(**TINIES["widening"], curriculum_options={"randomisation": {"delay": [0.05, 0.09]}})
+    settings = settings_of(config.environment, config.options | config.curriculum_options)
+    width = Width()
+    assert width.ranges(settings) == {"delay": pytest.approx((0.05, 0.054))}  # the published 31 ms are outside
+    kept, lost = ({"TimeLimit.truncated": cut, "end_code": code} for cut, code in ((True, 0.0), (False, 1.0)))
+    over = [True, False, True]
+    for _ in range(EPISODES // 2):
+        assert width.decided() is width
+        width = width.after(over, [kept, {}, kept | {"end_code": 7.0, "TimeLimit.truncated": False}])
+    assert width.decided() == Width(pytest.approx(FIRST + STEP))
+    assert Width(1.0, EPISODES, 0).decided().ranges(settings) == {"delay": (0.05, 0.09)}
+    for share, of_hundred, then in ((0.5, 10, 0.5), (0.5, 30, 0.5 - STEP), (FIRST, 30, FIRST)):
+        assert Width(share, 99, of_hundred - 1).after([True], [lost]).decided() == Width(then)
+    model = new_model(config)
+    widen(config, model, Width(0.5))
+    env = model.get_env()
+    assert env is not None
+    env.reset()
+    delays = [episode.parameters["delay"] for episode in env.get_attr("episode")]
+    assert 0.05 <= min(delays) <= max(delays) <= 0.07
+    env.close()

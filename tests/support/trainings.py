@@ -49,6 +49,7 @@ TINIES: dict[str, dict[str, Any]] = {
     "curriculum": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
     "recurrent curriculum": {**_RECURRENT, "curriculum_options": {"start": "moving"}, "curriculum_steps": 450},
     "sac curriculum": {**_SAC, "curriculum_options": {"start": "moving"}, "curriculum_steps": 300},
+    "widening": {**TINY, "automatic_randomisation": True},
     "initial": {**TINY, **_BEGUN, "value_steps": 300, "value_learning_rate": 3e-3},
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
