@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from flexarm_agents.environments import check_options
 from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
 from flexarm_agents.training.config import RunConfig, optional, setting
-from flexarm_env.validation import integer, number, pair, shown
+from flexarm_env.validation import integer, mapping, number, pair, shown
 
 
 def _path(name: str, value: object) -> str:
@@ -59,6 +60,8 @@ class DAggerConfig(RunConfig):
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
     drawn_paths: int = setting(0, integer, least=0)
     """How many drawn paths the student is taught on (`teaching.drawn_paths`), each on its own arm; 0: the square."""
+    alternate_options: dict[str, Any] = setting({}, mapping)
+    """Options in which every second drawn path and round differ from the others, e.g. `payload_changes`."""
     plans: str | None = setting(None, optional, check=_path, kept=False)
     """Folder for the teacher's plans, which several trainings can share; None: `plans` in the folder of the results."""
 
@@ -67,11 +70,16 @@ class DAggerConfig(RunConfig):
         if self.arms % 2:
             raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")
         own = {"start", *(("reference", "waypoints", "lap_time") if self.drawn_paths else ())}
-        for name in own & self.curriculum_options.keys():
-            raise ValueError(
-                f"curriculum_options[{name!r}] = {shown(self.curriculum_options[name])}: must be left out, since the "
-                "teacher's plans decide it"
-            )
+        whole = check_options(self.environment, self.options | self.curriculum_options | self.alternate_options)
+        object.__setattr__(self, "alternate_options", {name: whole[name] for name in self.alternate_options})
+        for field in ("curriculum_options", "alternate_options"):
+            given = getattr(self, field)
+            for name in own & given.keys():
+                raise ValueError(
+                    f"{field}[{name!r}] = {shown(given[name])}: must be left out, since the teacher's plans decide it"
+                )
+        if self.alternate_options and self.drawn_paths < 2:
+            raise ValueError(f"drawn_paths = {self.drawn_paths}: must be >= 2 with alternate_options")
         if self.drawn_paths and self.plants != type(self).plants:
             raise ValueError(f"plants = {self.plants}: must be left out with drawn_paths, which have own arms")
 

@@ -1,14 +1,16 @@
 """`PathTeacher`: plans for drawn paths on drawn arms, each for the very path and arm of one episode.
 
 A preview controller tracks the path (`optimal.starts`), a few iterations of the solver improve its run, and a
-linear-quadratic regulator keeps the arm to the result. The elbow stays on its side, or changes it at the start.
+linear-quadratic regulator keeps the arm to the result. The elbow stays on its side, or changes it at the start. Where
+the payload changes on the way, stretches without a change are planned one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +18,7 @@ import numpy as np
 
 from flexarm_agents.files import put
 from flexarm_agents.teaching.config import DAggerConfig
-from flexarm_agents.teaching.drawn_paths import PERIOD, TAUGHT
+from flexarm_agents.teaching.drawn_paths import LAP, PERIOD, TAUGHT
 from flexarm_agents.teaching.teacher import (
     NEEDED,
     Array,
@@ -31,16 +33,18 @@ from flexarm_agents.teaching.teacher import (
 )
 from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights, SolverOptions, TrackingProblem, optimise
 from flexarm_baselines.optimal.solver import DivergingStartError
-from flexarm_baselines.optimal.starts import along, both_sides
+from flexarm_baselines.optimal.starts import Branch, along, both_sides
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.simulation.limits import rest_state
 
 FIRST = 10**6  # seed of the first planned episode; those after it follow
 OPTIONS = SolverOptions(iterations=4, tolerance=3e-3)  # the fifth would lower an error by less than 1 %
 NEARLY_STRAIGHT = 0.95  # share of the reach from which on an arm may change its elbow's side when it starts
 LEAST = 1e-6  # least mean difficulty: plans that no student has left are all drawn with the same probability
+MORE = round((LAP - TAUGHT) / PERIOD)  # control periods for which a stretch is planned beyond its end
 BAD = 0.3  # [m]: r.m.s. error of a plan that is not taught
 
 
@@ -63,11 +67,17 @@ class PathTeacher(Teacher):
     @classmethod
     def check(cls, settings: Settings) -> None:
         """See `Teacher`."""
-        check_task(settings, NEEDED | {"payload_changes": None, "control_period": PERIOD})
+        check_task(settings, NEEDED | {"control_period": PERIOD})
 
     @classmethod
-    def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path) -> PathTeacher:
+    def along(cls, config: DAggerConfig, env: FlexArmVectorEnv, folder: Path, number: int = 0) -> PathTeacher:
         """Plan the episodes that the folder has no plans of, and return a teacher with all; the batch is reset.
+
+        Args:
+            config: how many episodes, and the plans' weights.
+            env: the batch.
+            folder: holds a file for each plan.
+            number: 1 for the batch with the `alternate_options`; each of two batches has every second episode.
 
         Raises:
             ValueError: see `Teacher.of`; or no path got a plan.
@@ -75,11 +85,13 @@ class PathTeacher(Teacher):
         cls.check(env.settings)
         folder.mkdir(parents=True, exist_ok=True)
         found: dict[int, Plan] = {}
-        for first in range(0, config.drawn_paths, env.num_envs):
-            seeds = [FIRST + first + i for i in range(env.num_envs)]
-            env.reset(seed=seeds)
-            for i, seed in enumerate(seeds[: config.drawn_paths - first]):
-                if (plan := _plan(config, env, i, folder / f"{seed}.npz")) is not None:
+        seeds = range(FIRST + number, FIRST + config.drawn_paths, 1 + bool(config.alternate_options))
+        kind = "" if env.settings.payload_changes is None else "-carrying"
+        for first in range(0, len(seeds), env.num_envs):
+            some = seeds[first : first + env.num_envs]
+            env.reset(seed=[*some, *range(env.num_envs - len(some))])
+            for i, seed in enumerate(some):
+                if (plan := _plan(config, env, i, folder / f"{seed}{kind}.npz")) is not None:
                     found[seed] = plan
         if not found:
             raise ValueError(
@@ -129,10 +141,51 @@ def _plan(config: DAggerConfig, env: FlexArmVectorEnv, index: int, path: Path) -
     reference, side = env.simulator.path(index), env.episode.elbow_branch[index]
     wishes: dict[str, Any] = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
     problem = TrackingProblem(arm, rest_state(arm, reference[0], side), reference, env.settings.motor_limit, **wishes)
+    changes, payloads = env.settings.payload_changes, None
+    if changes is not None:
+        wishes["payload_changes"] = [list(change) for change in changes]
+        payloads = _payloads(changes, drawn["payload_mass"], problem.periods)
     if (plan := read(path, problem, wishes)) is None:
-        near = np.linalg.norm(reference[0]) > NEARLY_STRAIGHT * arm.parameters.reach
-        runs = [along(problem, way) for way in both_sides(side, PERIOD)[: 1 + near]]
         with suppress(DivergingStartError):
-            plan = Plan.of(problem, optimise(problem, min(runs, key=problem.cost), OPTIONS))
-            put(path, lambda aside: plan.save(aside, run=False))
-    return plan if plan is not None and plan.notes["log"]["cost"][-1] < BAD**2 else None
+            plan = _planned(problem, side, payloads, wishes)
+            put(path, lambda aside: plan.save(aside, run=changes is not None))
+    if plan is None or problem.cost(Rollout(plan.states, plan.torques)) >= BAD**2:
+        return None
+    return replace(plan, payloads=payloads)
+
+
+def _payloads(changes: Sequence[tuple[float, float | None]], own: float, periods: int) -> Floats:
+    """Return what the tip carries in each period of a path [kg], given the mass that stands for None. Shape (n,)."""
+    phases, masses = zip(*changes, strict=True)
+    latest = np.searchsorted(phases, (np.arange(periods) + 1e-6) / periods, side="right") - 1
+    return np.array([own if mass is None else mass for mass in masses])[latest]
+
+
+def _planned(problem: TrackingProblem, side: str, payloads: Floats | None, notes: Mapping[str, Any]) -> Plan:
+    """Plan each stretch without a change of the payload, from the state and the torque at the end of the one before.
+
+    Raises:
+        DivergingStartError: if a stretch diverges.
+    """
+    own = problem.arm.parameters
+    masses = np.full(problem.periods, own.payload_mass) if payloads is None else payloads
+    near = np.linalg.norm(problem.reference[0]) > NEARLY_STRAIGHT * own.reach
+    ways = both_sides(side, PERIOD)[: 1 + near]
+    states, torques = [problem.initial_state[None]], [np.zeros((1, 2))]
+    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(masses)) + 1).tolist(), problem.periods]):
+        stretch = replace(
+            problem,
+            arm=FlexibleArm(replace(own, payload_mass=float(masses[begin]))),
+            initial_state=states[-1][-1],
+            reference=problem.reference[begin : end + MORE + 1],
+            tip_weights=1.0,
+            torque_before=tuple(torques[-1][-1].tolist()),
+        )
+        runs = [along(stretch, way) for way in ways]
+        best = int(np.argmin([stretch.cost(run) for run in runs]))
+        found = optimise(stretch, runs[best], OPTIONS)
+        ways = ((Branch(0.0, ways[best][-1].side),),)
+        states.append(found.run.states[1 : end - begin + 1])
+        torques.append(found.run.torques[: end - begin])
+    run = Rollout(np.concatenate(states), np.concatenate(torques[1:]))
+    return Plan.of(problem, found._replace(run=run), **notes)

@@ -33,45 +33,52 @@ class DAggerTraining(Rounds):
     """
 
     config: DAggerConfig
-    env: FlexArmVectorEnv | None = None
-    teacher: Teacher
     student: Student
 
     def __init__(self, config: DAggerConfig, run: RunFolder) -> None:
         """Check the curriculum, and that the teacher can have plans for the task; see `Training`."""
         super().__init__(config, run)
         check_curriculum(config)
-        self.options = config.options | config.curriculum_options | {"start": "corner"}  # of the batch
+        options = config.options | config.curriculum_options | {"start": "corner"}
         if config.drawn_paths:
-            self.options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}
+            options |= {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP}
+        self.options = [options]  # of the batches, which take turns
+        if config.alternate_options:
+            check_curriculum(config, "alternate_options")
+            self.options.append(options | config.alternate_options)
         kind = PathTeacher if config.drawn_paths else Teacher
-        kind.check(settings_of(config.environment, self.options))
+        for one in self.options:
+            kind.check(settings_of(config.environment, one))
+        self.envs: list[FlexArmVectorEnv] = []
+        self.teachers: list[Teacher] = []  # of each batch
 
     def start(self) -> None:
         """See `Training`."""
         config = self.config
-        self.env = env = make_batch(config.environment, config.arms, self.options)
         plans = self.run.path / "plans" if config.plans is None else Path(config.plans)
-        if config.drawn_paths:
-            self.teacher = PathTeacher.along(config, env, plans)
-        else:
-            self.teacher = Teacher.of(config, env.settings, plans)
+        for number, options in enumerate(self.options):
+            env = make_batch(config.environment, config.arms, options)
+            self.envs.append(env)
+            if config.drawn_paths:
+                self.teachers.append(PathTeacher.along(config, env, plans, number))
+            else:
+                self.teachers.append(Teacher.of(config, env.settings, plans))
         torch.manual_seed(config.seed)
         self.rollouts = [self.rollout(None)]
         self.student = Student(config, past_readings(config.lags, env.observation_blocks), self.rollouts[0])
         if config.drawn_paths:
             self.student.mirror_with(env.observation_mirror, env.action_mirror)
         self.students: list[dict[str, Any]] = []  # after each round, averages alone
-        self.done, self.round_steps = 0, config.arms * self.teacher.periods
+        self.done, self.round_steps = 0, config.arms * self.teachers[0].periods
 
     def rollout(self, student: NetworkPolicy | None) -> Rollout:
         """Run the next rollout; without a student, the first one, which the teacher drives alone."""
-        assert self.env is not None
         number = 0 if student is None else len(self.rollouts)
-        found = run_rollout(self.env, self.teacher, student, self.config, number)
+        turn = number % len(self.envs)
+        found = run_rollout(self.envs[turn], self.teachers[turn], student, self.config, number)
         if student is not None:
             # numpy 2.5 forgets the precision of a mean
-            self.teacher.graded(1.0 - found.weights.reshape(-1, self.config.arms).mean(axis=0))  # type: ignore[arg-type, unused-ignore]
+            self.teachers[turn].graded(1.0 - found.weights.reshape(-1, self.config.arms).mean(axis=0))  # type: ignore[arg-type, unused-ignore]
         return found
 
     def next_round(self) -> None:
@@ -108,5 +115,5 @@ class DAggerTraining(Rounds):
 
     def close(self) -> None:
         """See `Training`."""
-        if self.env is not None:
-            self.env.close()
+        for env in self.envs:
+            env.close()

@@ -18,13 +18,13 @@ from flexarm_env.envs.observation import observation_layout
 from flexarm_env.validation import shown
 
 
-def check_curriculum(config: RunConfig) -> None:
+def check_curriculum(config: RunConfig, field: str = "curriculum_options") -> None:
     """Check that training and score have the same observation and action; else raise a `ValueError`."""
-    changed = config.curriculum_options
-    if changed and not _alike(config.environment, config.options, config.options | changed):
-        raise ValueError(
-            f"curriculum_options = {shown(changed)}: must leave observation and action of the environment as they are"
-        )
+    changed = getattr(config, field)
+    whole = config.options | config.curriculum_options | changed
+    if changed and not _alike(config.environment, config.options, whole):
+        wrong = f"{field} = {shown(changed)}"
+        raise ValueError(f"{wrong}: must leave observation and action of the environment as they are")
 
 
 def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:

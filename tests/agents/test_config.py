@@ -21,6 +21,7 @@ from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import DESCENDED, ID, TINIES, TINY
 
 DAGGER, FOPG = {"algorithm": "dagger"}, {"algorithm": "fopg"}
+ALTERNATE = {**DAGGER, "drawn_paths": 2}
 SMALL = DESCENDED  # what a training alone refuses
 INITIAL, OBSERVED, LATER = TINIES["initial"], TINIES["observer"], TINIES["curriculum"]
 WIDER = TINIES["widening"]
@@ -95,6 +96,10 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**DAGGER, "curriculum_options": {"last_actions": 2}}, r"curriculum_options = .*: must leave observ"),
         ({**DAGGER, "options": {"randomisation": {"side": [12, 12.6]}}}, r"randomisation\['side'\] = .*: must be left"),
         ({**DAGGER, "drawn_paths": 2, "options": {"control_period": 0.02}}, r"control_period = 0.02: the teacher has"),
+        ({**DAGGER, "alternate_options": {"noise": 0.1}}, r"drawn_paths = 0: must be >= 2 with alternate_options"),
+        ({**ALTERNATE, "alternate_options": {"start": "corner"}}, r"alternate_options\['start'\] = 'corner': must be"),
+        ({**ALTERNATE, "alternate_options": {"last_actions": 2}}, r"alternate_options = .*: must leave observ"),
+        ({**ALTERNATE, "alternate_options": {"control_period": 0.02}}, r"control_period = 0.02: the teacher has"),
         ({**DAGGER, "plants": [1, 3]}, r"plants\[0\] = 1"),
         ({**FOPG, "horizon": 1}, r"horizon = 1: must be an integer >= 2"),
         ({**FOPG, "error_knee": 0.0}, r"error_knee = 0.0"),
