@@ -36,7 +36,7 @@ class Width(NamedTuple):
 
     def after(self, dones: Any, infos: Sequence[dict[str, Any]]) -> Width:
         """Count the episodes that a step of a `VecEnv` ended."""
-        over = [infos[n] for n in np.flatnonzero(dones)]
+        over = [infos[n] for n in np.flatnonzero(dones).tolist()]
         lost = sum(not one["TimeLimit.truncated"] and one["end_code"] != END_CODES["finished"] for one in over)
         return self._replace(ended=self.ended + len(over), lost=self.lost + lost)
 
