@@ -200,7 +200,8 @@
 
   const LABELLED = 6; // rows
   const ERRORS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2]; // [m], of the chart's lines across
-  const [TALL, LEFT, RIGHT, TOP, BOTTOM, LINE] = [320, 46, 160, 12, 36, 13]; // [px]
+  const [TALL, LEFT, TOP, BOTTOM, LINE] = [320, 46, 12, 36, 13]; // [px]
+  const LETTER = 7.4; // [px], width of a letter of a name
 
   /** Return the chart of the view's axis: the first rows of the table in colours and with their names, the others in grey. */
   function chart(found) {
@@ -210,7 +211,7 @@
     const width = Math.max(320, parts.chart.clientWidth);
     const [least, most] = [Math.min(...column.values), Math.max(...column.values)];
     const [low, high] = [ERRORS[0], ERRORS[ERRORS.length - 1]];
-    const right = width - RIGHT;
+    const right = beforeNames(found, width);
     const x = (value) => LEFT + ((value - least) / (most - least)) * (right - LEFT);
     const y = (error) => TALL - BOTTOM - (Math.log(Math.min(high, Math.max(low, error)) / low) / Math.log(high / low)) * (TALL - BOTTOM - TOP);
     const unit = column.unit && column.unit !== "1" ? ` [${column.unit}]` : "";
@@ -265,10 +266,11 @@
     const names = Object.keys(board.columns).filter((name) => name !== "nominal" && found.some((row) => row.whole[name]));
     if (names.length < 2) return [];
     const width = Math.max(320, parts.chart.clientWidth);
-    const [left, right] = [84, width - RIGHT];
-    const [tall, bottom, top] = [TALL + 80, 120, TOP + 26];
+    const [left, right] = [84, beforeNames(found, width)];
+    const [tall, bottom, top] = [TALL + 135, 175, TOP + 26];
     const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${tall}`, role: "img", "aria-label": "90th percentile of the entries in every column; each column's table has the figures" });
     picture.append(drawn("text", { x: left - 8, y: TOP + 4, "text-anchor": "end" }, "lost"));
+    const numbers = [];
     const axes = names.map((name, n) => {
       const x = left + (n / (names.length - 1)) * (right - left);
       const cells = new Map(found.map((row) => [row.name, quantile(row, name, "p90")]));
@@ -279,7 +281,7 @@
       picture.append(drawn("line", { class: "fx-axis", x1: x, x2: x, y1: TOP, y2: tall - bottom }));
       const unit = Object.values(board.tasks[board.columns[name].tasks[0]].figures)[0].unit;
       for (const [value, at] of values.length ? [[high, top - 4], [low, tall - bottom + 13]] : []) {
-        picture.append(drawn("text", { x, y: at, "text-anchor": "middle" }, amount(value, unit)));
+        numbers.push(drawn("text", { class: "fx-number", x, y: at, "text-anchor": "middle" }, amount(value, unit)));
       }
       const [tx, ty] = [x, tall - bottom + 26];
       picture.append(drawn("text", { x: tx, y: ty, "text-anchor": "end", transform: `rotate(-30 ${tx} ${ty})` }, board.columns[name].title));
@@ -298,11 +300,16 @@
       });
       return finished(group, row, path, last);
     });
-    picture.append(...curves.map((one) => one.group).reverse());
+    picture.append(...curves.map((one) => one.group).reverse(), ...numbers); // numbers are readable across lines
     label(curves.slice(0, LABELLED), right, tall - bottom);
     label(curves.slice(LABELLED), right, tall - bottom);
     const hint = "The 90th percentile of each column, the least and the largest written at its ends, logarithmic between; on top more than a tenth of the laps are lost. Labelled: the first rows of the table; point at another one to see it.";
     return [picture, element("p", { class: "fx-hint" }, hint)];
+  }
+
+  /** Return where the margin begins that has room for the rows' names, but for half of the width at most. */
+  function beforeNames(found, width) {
+    return width - Math.min(16 + LETTER * Math.max(0, ...found.map((row) => row.name.length)), width / 2);
   }
 
   /** Write the names of lines into the margin, each beside its line's end, or as near as the others leave room. */

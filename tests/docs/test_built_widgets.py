@@ -106,6 +106,20 @@ def test_the_chart_of_an_axis_names_the_first_rows(browser: Browser) -> None:
     assert [name for name, *_ in browser.run(f"return {shown}")] == ["flsac"]
 
 
+@pytest.mark.parametrize("axis", ["overview", "delay"])
+def test_all_that_the_chart_says_is_within_it(browser: Browser, axis: str) -> None:
+    browser.open("docs/leaderboard.html")
+    browser.choose("Axis", axis)
+    outside = (
+        "const frame = document.querySelector('.fx-chart').getBoundingClientRect();"
+        "return [...document.querySelectorAll('.fx-chart text')].filter(one => one.checkVisibility()).filter(one => {"
+        "const own = one.getBoundingClientRect();"
+        "return own.left < frame.left || own.right > frame.right || own.bottom > frame.bottom + 1;"
+        "}).map(one => one.textContent)"
+    )
+    assert browser.run(outside) == []
+
+
 # --- the replay viewer ----------------------------------------------------------------------------------------------
 
 TIME = "Number(document.querySelector('#flexarm-replay input[type=range]').value)"
