@@ -27,22 +27,18 @@ _KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "ti
 
 
 class TrainingCallback(BaseCallback):
-    """Calls `pause` before each rollout; ends the curriculum and the steps in which the value learns alone.
-
-    Attributes:
-        width: of the ranges, where they widen; None: they stay.
-    """
+    """Calls `pause` before each rollout; ends the curriculum and the value's own steps, and widens ranges."""
 
     model: BaseAlgorithm
 
-    def __init__(self, config: RewardConfig, pause: Callable[[], None], width: Width | None = None) -> None:
+    def __init__(self, training: RewardTraining, pause: Callable[[], None]) -> None:
         super().__init__()
-        self._config, self._pause, self.width = config, pause, width
+        self._training, self._config, self._pause = training, training.config, pause
         self._before = 0  # steps before the rollout
 
     def _on_step(self) -> bool:
-        if self.width is not None:
-            self.width = self.width.after(self.locals["dones"], self.locals["infos"])
+        if (width := self._training.width) is not None:
+            self._training.width = width.after(self.locals["dones"], self.locals["infos"])
         return True
 
     def _on_rollout_start(self) -> None:
@@ -55,8 +51,8 @@ class TrainingCallback(BaseCallback):
         end = self._config.curriculum_steps
         if end is not None and self._before < end <= self.num_timesteps:
             end_curriculum(self._config, self.model)
-        if self.width is not None and (decided := self.width.decided()) is not self.width:
-            self.width = decided
+        if (width := self._training.width) is not None and (decided := width.decided()) is not width:
+            self._training.width = decided
             widen(self._config, self.model, decided)
             self.logger.record("randomisation/width", decided.share)
 
@@ -73,8 +69,7 @@ class RewardTraining(Training):
     """A training by reward; its parts are rollouts. The model is None before `start` or `restore`."""
 
     model: BaseAlgorithm | None = None
-    callback: TrainingCallback | None = None
-    width: Width | None = None  # of the ranges, when it begins or goes on
+    width: Width | None = None  # of the ranges, where they widen
 
     def __init__(self, config: RewardConfig, run: RunFolder) -> None:
         """Check the algorithm's package, the curriculum and the initial policy; see `Training`."""
@@ -110,8 +105,8 @@ class RewardTraining(Training):
         self.model.set_logger(self.logger)
         if self.width is not None:
             widen(self.config, self.model, self.width)
-        self.callback = TrainingCallback(self.config, pause, self.width)
-        self.model.learn(self.total - self.steps, self.callback, reset_num_timesteps=self.steps == 0)
+        callback = TrainingCallback(self, pause)
+        self.model.learn(self.total - self.steps, callback, reset_num_timesteps=self.steps == 0)
 
     def policy(self) -> NetworkPolicy:
         """See `Training`."""
@@ -142,7 +137,7 @@ class RewardTraining(Training):
             "episodes": (monitor.episode_returns, monitor.episode_lengths),
             "lstm": getattr(model, "_last_lstm_states", None),
             "replay": None if complete else _replay(model),
-            "width": None if self.callback is None else self.callback.width,
+            "width": self.width,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -158,7 +153,7 @@ class RewardTraining(Training):
         if state["lstm"] is not None:
             model._last_lstm_states = state["lstm"]
         _restore_replay(model, state["replay"])
-        self.model, self.width = model, state["width"]
+        self.model, self.width = model, state.get("width")  # earlier versions wrote none
 
     def close(self) -> None:
         """See `Training`."""
