@@ -97,6 +97,11 @@ def _option(name: str, values: list[float], seeds: int = 1, scale: float = 1.0) 
     return tuple(Point(x, {name: round(scale * x, 9)}, seeds=range(seeds if x else 1)) for x in values)
 
 
+def _late(delay: float) -> Point:
+    """Return a delay of the late sensor [ms]; blocks of an observation reckon with the nominal one."""
+    return Point(delay, {"randomisation": {"delay": (round(1e-3 * delay, 9),) * 2}})
+
+
 def _factor(name: str, values: list[float]) -> tuple[Point, ...]:
     """Return points at which a field of the arm, a pair, is multiplied."""
     own = getattr(ArmParameters(), name)
@@ -163,7 +168,7 @@ COLUMNS: dict[str, Column] = {
         "square",
         headline=True,
     ),
-    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 13), scale=1e-3), OWN_DELAY),
+    "delay": Column("Sensor delay", "ms", tuple(_late(x) for x in _grid(0.0, 120.0, 13)), OWN_DELAY),
     "jitter": Column("Jitter of the delay", "ms", _option("jitter", _grid(0.0, 60.0, 4), SEEDS, 1e-3), 0.0),
     "dropout": Column("Lost readings", "1", _option("dropout", [0.0, 0.1, 0.3, 0.5], SEEDS), 0.0),
     "sensor_position": Column(

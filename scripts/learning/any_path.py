@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexarm_agents import load_policy, shipped_policies
+from flexarm_agents import Spread, load_policy, shipped_policies
 from flexarm_agents.environments import make_batch
 from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_agents.teaching.drawn_paths import LAP, TAUGHT, drawn_path
@@ -15,7 +16,7 @@ from flexarm_baselines.registry import controller
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import SETTLED
 from flexarm_env.rollout import run_batch
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import millimetres, table
 from scripts.common.result_files import write_json
 from scripts.common.study import Study
@@ -49,12 +50,26 @@ PATHS: dict[str, dict[str, Any]] = {
     },
     "as in training": {"reference": "drawn", "waypoints": drawn_path, "lap_time": LAP},
 }
+ERRORS = ("median", "90th percentile", "median after 2 s")  # of the r.m.s. error
 ENTRIES = ("universal", "student_unknown", "lqg_adaptive")
+Found = Mapping[str, Mapping[str, Mapping[str, Any]]]  # by entry or training, then by path
+
+
+@dataclass
+class Options:
+    """Measure agents and controllers on unknown arms along paths that no training had."""
+
+    trainings: Path | None = None
+    """Folder of trainings of `universal` that differ in their seeds; they are measured instead."""
 
 
 def measured(name: str, path: str) -> dict[str, Any]:
-    """Run an agent or a controller on unknown arms along a path; return how many it loses, and its errors [m]."""
-    agent = load_policy(name) if name in shipped_policies() else None
+    """Run an agent, by name or folder, or a controller on unknown arms along a path.
+
+    Returns:
+        How many it loses, and its errors [m].
+    """
+    agent = load_policy(name) if name in shipped_policies() or Path(name).is_dir() else None
     options = agent.options if agent else controller(name).options
     try:
         env = make_batch("FlexArm/SquareUnknown-v0", EPISODES, {**options, **PATHS[path]})
@@ -80,12 +95,25 @@ def results(folder: Path, jobs: int) -> Any:
     return json.loads(FILE.read_text())
 
 
-def errors(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+def errors(found: Found) -> str:
     """Tabulate lost laps, median and 90th percentile."""
     return table(
         ("path", *(f"`{name}`" for name in ENTRIES)),
         [(path, *(_cell(found[name][path]) for name in ENTRIES)) for path in PATHS],
     )
+
+
+def seeds(found: Found) -> str:
+    """Tabulate the trainings of `universal`: median, interquartile mean and worst of each figure."""
+    trainings = [one for name, one in found.items() if name not in ENTRIES]
+    head = ("path", "lost of all", f"lost of {EPISODES}", *(f"{what} [mm]" for what in ERRORS))
+    lines = []
+    for path in PATHS:
+        lost = [one[path]["lost"] for one in trainings]
+        spreads = (Spread.of(one[path]["errors"][n] for one in trainings) for n in range(len(ERRORS)))
+        whole = f"{sum(lost)} of {EPISODES * len(lost)}"
+        lines.append((path, whole, f"{np.median(lost):.0f} / {max(lost)}", *map(millimetres, spreads)))
+    return table(head, lines)
 
 
 def _cell(one: Mapping[str, Any]) -> str:
@@ -100,13 +128,19 @@ STUDY = Study(
     f"unknown arms on paths of which the training had none: lost of {EPISODES}; median, 90th percentile, median after "
     "2 s of the r.m.s. error [mm]",
     results,
-    {"any_path": errors},
+    {"any_path": errors, "any_path_seeds": seeds},
 )
 
 
 def main() -> None:
-    """Measure all anew."""
-    write_json(FILE, {name: {path: measured(name, path) for path in PATHS} for name in ENTRIES}, levels=3)
+    """Measure the entries anew, or the trainings; what is not measured stays."""
+    given = read_options("python -m scripts.learning.any_path", Options()).trainings
+    folders = [] if given is None else sorted(given.glob("seed-*"), key=lambda one: int(one.name.split("-")[1]))
+    if given is not None and not folders:
+        raise ValueError(f"trainings = {given}: must have folders seed-*, of `python -m scripts.shipped`")
+    named = {one.name: str(one) for one in folders} or {name: name for name in ENTRIES}
+    found = {name: {path: measured(source, path) for path in PATHS} for name, source in named.items()}
+    write_json(FILE, results(FOLDER, 1) | found, levels=3)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ REMEDIES = {
     "none": "none",
     "actions": "last eight actions",
     "stacked": "past readings, up to 80 ms",
+    "forecast": "past readings and a learned forecast",
     "recurrent": "recurrent (RecurrentPPO)",
     "observer": "Kalman filter in front",
 }
@@ -39,7 +40,9 @@ LATE: Rows = {  # by the delay in training or design
         **{f"unknown-{name}": text for name, text in REMEDIES.items()},
     },
 }
-CRITIC: Rows = {"0 to 60 ms": {"plain": "as much as the policy", "privileged": "true state, delay and arm, too"}}
+CRITIC: Rows = {
+    "0 to 60 ms": {"unknown-stacked": "as much as the policy", "unknown-privileged": "true state, delay and arm, too"}
+}
 SHAPES: Rows = {
     "3 shapes": {"lqg": "`lqg`", "student": "student (`student`)"},
     "2 shapes": {"fixed": "PPO", "drawn": "PPO, stiffness and damping drawn"},
@@ -50,6 +53,7 @@ LOOKS = (  # of the rows of `LATE`
     ("PPO, no remedy", COLOURS[0], "-"),
     ("PPO, last eight actions", COLOURS[1], "-"),
     ("PPO, past readings up to 80 ms", COLOURS[2], "-"),
+    ("PPO, past readings and a learned forecast", COLOURS[2], "--"),
     ("PPO, recurrent network", COLOURS[3], "-"),
     ("PPO, Kalman filter in front", COLOURS[4], "-"),
 )
@@ -88,14 +92,18 @@ def picture(agents: Agents) -> Figure:
     for row in axes:
         row[0].set_ylabel("error of the lap, r.m.s. [mm]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
-    headline(figure, "What helps against a late sensor: medians of ten trainings, as far as they complete the lap")
+    headline(
+        figure, "What helps against a late sensor: medians of five or ten trainings, as far as they complete the lap"
+    )
     return figure
 
 
-def _study(name: str, text: str, rows: Rows, what: tuple[str, str], shown: Mapping[int, str], **board: Any) -> Study:
+def _study(
+    name: str, text: str, rows: Rows, what: tuple[str, str], shown: Mapping[int, str], data: str = "", **board: Any
+) -> Study:
     pictures = {"agents/delays": picture} if rows is LATE else {}
     tables = {name: partial(errors, rows, what, shown)}
-    return Study(f"{text}: mean r.m.s. error of both laps", committed(name, **board), tables, pictures)
+    return Study(f"{text}: mean r.m.s. error of both laps", committed(data or name, **board), tables, pictures)
 
 
 STUDIES = {
@@ -109,7 +117,7 @@ STUDIES = {
         points=[("nominal", "square") if delay == OWN else ("delay", float(delay)) for delay in DELAYS],
     ),
     "critic": _study(
-        "critic", "what a privileged critic is worth", CRITIC, ("delay in training", "the critic sees"), SHOWN
+        "critic", "what a privileged critic is worth", CRITIC, ("delay in training", "the critic sees"), SHOWN, "delays"
     ),
     "shapes": _study(
         "shapes",

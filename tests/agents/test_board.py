@@ -301,6 +301,13 @@ def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> N
     assert {point.task for column in COLUMNS.values() for point in column.points} == set(TASKS)
 
 
+def test_no_block_tells_a_late_sensors_delay() -> None:
+    for point in COLUMNS["delay"].points:
+        settings = Settings.of(point.environment_options({}))
+        assert settings.sensor_delays == Settings.of({}).sensor_delays
+        assert settings.range_of("delay") == (1e-3 * float(point.value),) * 2
+
+
 @pytest.mark.slow  # kernels of the laboratory arm, which no other test compiles
 def test_a_faster_lap_and_the_laboratory_arm_have_plans_of_their_own() -> None:
     entry = Entry("plan_lqr")

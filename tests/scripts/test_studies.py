@@ -7,8 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from matplotlib import pyplot as plt
 
+from flexarm_agents import PPOConfig, evaluate
+from flexarm_agents.environments import make_one
+from flexarm_agents.training.config import config_of
+from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.analysis.__main__ import STUDIES as OF_ANALYSIS
@@ -17,7 +22,9 @@ from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
 from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
+from scripts.learning import forecast
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
+from tests.support.trainings import TINY
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -98,6 +105,30 @@ def test_the_pages_have_what_the_data_say(name: str, tmp_path: Path) -> None:
         assert all(axis.lines for axis in figure.axes)
         plt.close(figure)
         assert (DOCS / "figures" / f"{picture}.png").is_file()
+
+
+def test_a_forecast_is_learned_beside_the_policy() -> None:
+    """The best policy keeps the forecast that it was judged with."""
+    made = config_of(**TINY | {"environment": "FlexArm/SquareDelayMedium-v0", "options": {}, "lags": [1, 3]})
+    assert isinstance(made, PPOConfig)
+    policy, score, rows = forecast.trained(made)
+    assert [row["steps"] for row in rows] == [256, 512]
+    encoder = policy.encoder
+    assert isinstance(encoder, forecast.Forecaster)
+    with make_one(made.environment, made.options) as env:
+        assert evaluate(env, policy, EVALUATION_SEED) == score
+    random = np.random.default_rng(0)
+    inputs = random.standard_normal((512, encoder.inputs), dtype=np.float32)
+    present = np.tanh(inputs[:, : encoder.inputs - encoder.readings])
+
+    def error() -> float:
+        found = encoder.network(torch.from_numpy(inputs[:, : encoder.readings])).detach().numpy()
+        return float(np.square(found - present).mean())
+
+    before = error()
+    for _ in range(20):
+        encoder.learn(inputs, present)
+    assert error() < 0.5 * before
 
 
 # --- analysis --------------------------------------------------------------------------------------------------------

@@ -1,0 +1,140 @@
+"""PPO with a learned forecast of what a late sensor does not show yet.
+
+A second network learns, from past readings, the part of the present state that no sensor without delay reads: modal
+coordinates and rates. It is trained by their true values on each rollout, and the policy sees its forecast beside the
+readings. Source: Wu et al., *Directly forecasting belief for reinforcement learning with delays*, ICML 2025, with a
+fully connected network in the place of the transformer.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecMonitor
+
+from flexarm_agents import PPOConfig, StandardScore, evaluate
+from flexarm_agents.environments import make_batch, make_one, settings_of
+from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents.policies.encoders import Array, Memory, PastReadings, past_readings
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_agents.sb3.asymmetric import FirstNumbers
+from flexarm_agents.sb3.export import network_policy
+from flexarm_agents.sb3.layers import fully_connected
+from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
+from flexarm_agents.training.loop import EVALUATION_SEED
+from flexarm_agents.training.models import arguments
+from flexarm_agents.training.train import one_thread
+
+UNSEEN = ("modal_coordinates", "modal_rates")  # blocks of an observation that are forecast
+HIDDEN, BATCH, PASSES, LEARNING_RATE = (128, 128), 512, 4, 1e-3
+
+
+class Forecaster(PastReadings):
+    """Past readings, followed by a network's forecast of the present; an `Encoder` that learns."""
+
+    network: torch.nn.Sequential
+    optimiser: torch.optim.Adam
+
+    @classmethod
+    def of(cls, past: PastReadings, outputs: int) -> Forecaster:
+        """Begin with an untrained network."""
+        made = cls(past.size, past.lags, past.remembered)
+        network = fully_connected(past.inputs, HIDDEN, outputs, "elu")
+        object.__setattr__(made, "network", network)
+        object.__setattr__(made, "optimiser", torch.optim.Adam(network.parameters(), LEARNING_RATE))
+        return made
+
+    @property
+    def readings(self) -> int:
+        """How many inputs are readings."""
+        return super().inputs
+
+    @property
+    def inputs(self) -> int:
+        """See `Encoder`."""
+        return self.readings + self.network[-1].out_features  # type: ignore[operator]
+
+    def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """See `Encoder`."""
+        readings, after = super().advance(observations, memory)
+        with torch.no_grad():
+            forecast = self.network(torch.from_numpy(readings)).numpy()
+        return np.concatenate([readings, forecast], axis=1), after
+
+    def learn(self, inputs: Array, present: Array) -> None:
+        """Lower the squared error of the forecasts of n instants.
+
+        Args:
+            inputs: their encoded observations. Shape (n, inputs).
+            present: the truth. Shape (n, outputs).
+        """
+        whole = torch.from_numpy(inputs[:, : self.readings]), torch.from_numpy(present)
+        for _ in range(PASSES):
+            for chosen in torch.randperm(len(inputs)).split(BATCH):
+                readings, truth = (part[chosen] for part in whole)
+                self.optimiser.zero_grad()
+                torch.nn.functional.mse_loss(self.network(readings), truth).backward()
+                self.optimiser.step()
+
+
+class Keeper(BaseCallback):
+    """Trains the forecast after each rollout, and keeps the best policy of the evaluations."""
+
+    def __init__(self, config: PPOConfig, forecaster: Forecaster) -> None:
+        super().__init__()
+        self.config, self.forecaster = config, forecaster
+        self.curve: list[dict[str, Any]] = []
+        self.best: tuple[tuple[int, float], NetworkPolicy, StandardScore] | None = None
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps >= self.config.evaluate_every * (len(self.curve) + 1):
+            self.judge()
+
+    def _on_rollout_end(self) -> None:
+        buffer: Any = self.model.rollout_buffer  # type: ignore[attr-defined]
+        rows = buffer.observations.reshape(-1, buffer.observations.shape[-1])
+        self.forecaster.learn(rows, rows[:, self.forecaster.inputs :])
+
+    def judge(self) -> None:
+        """Evaluate the present policy."""
+        with make_one(self.config.environment, self.config.options) as env:
+            policy = network_policy(self.model)
+            scores = [evaluate(env, policy, EVALUATION_SEED + n) for n in range(self.config.evaluation_laps)]
+        self.curve.append({"steps": self.num_timesteps, **scores[0].as_mapping()})
+        ranked = rank(scores)
+        if self.best is None or ranked < self.best[0]:
+            self.best = ranked, deepcopy(policy), scores[0]  # the forecast goes on learning
+
+
+def trained(config: PPOConfig) -> tuple[NetworkPolicy, StandardScore, list[dict[str, Any]]]:
+    """Train; return the best policy, its score, and the score of each evaluation with the `steps` before it."""
+    with one_thread():
+        torch.manual_seed(config.seed)
+        seen = settings_of(config.environment, config.options).observation
+        options = {"max_episode_steps": config.episode_steps, **config.options, **config.curriculum_options}
+        batch = make_batch(config.environment, config.envs, options | {"observation": [*seen, *UNSEEN]})
+        past = past_readings(config.lags, {name: batch.observation_blocks[name] for name in seen})
+        assert past is not None
+        forecaster = Forecaster.of(past, batch.single_observation_space.shape[0] - past.size)
+        given = arguments(config)
+        given["policy_kwargs"] |= {
+            "features_extractor_class": FirstNumbers,
+            "features_extractor_kwargs": {"count": forecaster.inputs},
+        }
+        env = VecMonitor(EncodedVecEnv(FlexArmVecEnv(batch), forecaster))
+        model = PPO("MlpPolicy", env, **given, seed=config.seed, device="cpu")
+        keeper = Keeper(config, forecaster)
+        model.learn(config.steps, keeper)
+        keeper.judge()
+        env.close()
+    assert keeper.best is not None
+    _, policy, score = keeper.best
+    return policy, score, keeper.curve
