@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_env import Trajectory
 from scripts.docs import paper
-from scripts.paper import cases, checks, claims, tables, verdicts
+from scripts.paper import cases, checks, claims, pipeline, tables, verdicts
 from scripts.paper.measures import Workspace, measures
 from tests.support.programs import ROOT, results_of, run_here
 
@@ -130,7 +130,7 @@ def test_claims_of_one_side_are_decided_where_the_elbow_keeps_it(results: Path) 
 @pytest.mark.compiled
 def test_part_of_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A subset with other options; claims need all cases and are not decided. An old result is replaced whole."""
-    monkeypatch.delitem(cases.COLUMNS, "complete")  # whose kernel no other test compiles
+    monkeypatch.delitem(pipeline.COLUMNS, "complete")  # whose kernel no other test compiles
     output = tmp_path / "part"
     output.mkdir()
     (output / "old").touch()
