@@ -12,7 +12,7 @@ from flexarm_agents.commands.progress import Watched, episode_steps, progress_ba
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate
-from flexarm_agents.evaluation.races import FINISHED
+from flexarm_agents.evaluation.races import FINISHED, OUT_OF_TIME
 from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_agents.files import check_place
 from flexarm_agents.viewer.film import SENSOR, check_pictures
@@ -59,19 +59,22 @@ def run(arguments: Sequence[str]) -> None:
             played = episode(candidate._replace(env=Watched(candidate.env, bar.update)), given)
     finally:
         candidate.env.close()
-    print(f"{given.policy}: {given.lap} lap, {end_of(played)}")
+    races = candidate.env.unwrapped.settings.mode.races  # type: ignore[attr-defined]
+    print(f"{given.policy}: {'race' if races else f'{given.lap} lap'}, {end_of(played, races)}")
     if given.save is not None:
         played.save(given.save)
         print(f"{given.save}: written")
     play(played, given)
 
 
-def end_of(played: Trajectory) -> str:
-    """Say how an episode ended."""
+def end_of(played: Trajectory, races: bool) -> str:
+    """Say how an episode ended; a race that lasts as long as it may is lost."""
     ended, moment = played.notes["ended"], f"{played.time[-1]:.2f} s"
     if ended == FINISHED:
         return f"finished in {moment}"
-    return "complete" if ended == COMPLETE else f"ended by {ended} at {moment}"
+    if ended == COMPLETE and not races:
+        return "complete"
+    return f"ended by {OUT_OF_TIME if ended == COMPLETE else ended} at {moment}"
 
 
 def episode(candidate: Candidate, given: argparse.Namespace) -> Trajectory:

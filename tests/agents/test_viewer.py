@@ -297,12 +297,17 @@ def test_render_runs_an_episode_that_replay_shows_again(
 
 
 @pytest.mark.parametrize(
-    ("ended", "said"),
-    [("finished", "finished in 0.50 s"), ("truncated", "complete"), ("error", "ended by error at 0.50 s")],
+    ("ended", "races", "said"),
+    [
+        ("finished", True, "finished in 0.50 s"),
+        ("truncated", False, "complete"),
+        ("truncated", True, "ended by time limit at 0.50 s"),
+        ("error", False, "ended by error at 0.50 s"),
+    ],
 )
-def test_render_says_how_an_episode_ended(ended: str, said: str) -> None:
+def test_render_says_how_an_episode_ended(ended: str, races: bool, said: str) -> None:
     run = FlexibleArm().record(np.linspace(0.0, 0.5, 51), np.zeros((51, 16)), np.zeros((51, 2)))
-    assert render.end_of(replace(run, notes={"ended": ended})) == said
+    assert render.end_of(replace(run, notes={"ended": ended}), races) == said
 
 
 @pytest.mark.parametrize("verb", ["render", "play"])
