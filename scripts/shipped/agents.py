@@ -143,5 +143,5 @@ AGENTS: dict[str, Shipped] = {
         seeds=11,
         drawn=False,
     ),
-    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=3, drawn=False),
+    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=7, drawn=False),
 }
