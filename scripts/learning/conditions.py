@@ -92,9 +92,7 @@ def picture(agents: Agents) -> Figure:
     for row in axes:
         row[0].set_ylabel("error of the lap, r.m.s. [mm]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
-    headline(
-        figure, "What helps against a late sensor: medians of five or ten trainings, as far as they complete the lap"
-    )
+    headline(figure, "What helps against a late sensor: medians of the trainings, while laps are complete")
     return figure
 
 

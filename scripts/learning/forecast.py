@@ -24,7 +24,7 @@ from flexarm_agents.policies.encoders import Array, Memory, PastReadings, past_r
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.asymmetric import FirstNumbers
 from flexarm_agents.sb3.export import network_policy
-from flexarm_agents.sb3.layers import fully_connected
+from flexarm_agents.sb3.layers import fully_connected, linear_layers
 from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.models import arguments
@@ -57,7 +57,7 @@ class Forecaster(PastReadings):
     @property
     def inputs(self) -> int:
         """See `Encoder`."""
-        return self.readings + self.network[-1].out_features  # type: ignore[operator]
+        return self.readings + len(linear_layers(self.network)[-1].bias)
 
     def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
         """See `Encoder`."""
@@ -75,10 +75,10 @@ class Forecaster(PastReadings):
         """
         whole = torch.from_numpy(inputs[:, : self.readings]), torch.from_numpy(present)
         for _ in range(PASSES):
-            for chosen in torch.randperm(len(inputs)).split(BATCH):
+            for chosen in torch.split(torch.randperm(len(inputs)), BATCH):
                 readings, truth = (part[chosen] for part in whole)
                 self.optimiser.zero_grad()
-                torch.nn.functional.mse_loss(self.network(readings), truth).backward()
+                torch.nn.functional.mse_loss(self.network(readings), truth).backward()  # type: ignore[no-untyped-call]
                 self.optimiser.step()
 
 
@@ -123,7 +123,7 @@ def trained(config: PPOConfig) -> tuple[NetworkPolicy, StandardScore, list[dict[
         batch = make_batch(config.environment, config.envs, options | {"observation": [*seen, *UNSEEN]})
         past = past_readings(config.lags, {name: batch.observation_blocks[name] for name in seen})
         assert past is not None
-        forecaster = Forecaster.of(past, batch.single_observation_space.shape[0] - past.size)
+        forecaster = Forecaster.of(past, len(batch.observation_scale) - past.size)
         given = arguments(config)
         given["policy_kwargs"] |= {
             "features_extractor_class": FirstNumbers,

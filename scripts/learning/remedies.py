@@ -60,7 +60,6 @@ def configs() -> dict[str, RunConfig]:
     for trained_at, (environment, laps) in TRAINED.items():
         own: dict[str, Any] = {"environment": environment, "evaluation_laps": laps}
         own |= {"steps": STEPS, "evaluate_every": STEPS // 10, "options": {"last_actions": 1}}
-        observer = {"known": "nominal", "unknown": "delay"}[trained_at]
         found |= {
             f"{trained_at}-none": PPOConfig(**own),
             f"{trained_at}-actions": PPOConfig(**own | {"options": {"last_actions": 8}}),
@@ -68,7 +67,8 @@ def configs() -> dict[str, RunConfig]:
             f"{trained_at}-forecast": PPOConfig(**own, lags=PAST),
             f"{trained_at}-recurrent": RecurrentPPOConfig(**own),
             f"{trained_at}-observer": PPOConfig(
-                **own | {"options": {"last_actions": 1, "observation": OBSERVED}}, observer=observer
+                **own | {"options": {"last_actions": 1, "observation": OBSERVED}},
+                observer="nominal" if trained_at == "known" else "delay",
             ),
         }
     return found | {"unknown-privileged": PPOConfig(**own, lags=PAST, privileged_critic=True)}
