@@ -18,10 +18,8 @@ import numpy as np
 
 from flexarm_agents import PPOConfig, RecurrentPPOConfig, StandardScore, evaluate, load_policy
 from flexarm_agents.environments import make_one
-from flexarm_agents.policies.observer import FILTERED
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.loop import EVALUATION_SEED
-from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
@@ -31,12 +29,11 @@ from scripts.common.trainings import trained
 from scripts.learning import forecast
 from scripts.learning.agents import FOLDER
 from scripts.learning.conditions import DELAYS
+from scripts.shipped.agents import BEHIND_FILTER
 
 FILE = FOLDER / "delays.json"
 STEPS = 1_000_000
 PAST = (1, 2, 3, 4, 6, 8)
-LATE = IDS["SquareDelayEasy-v0"].options["observation"]
-OBSERVED = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
 TRAINED = {"known": ("FlexArm/SquareDelayEasy-v0", 1), "unknown": ("FlexArm/SquareDelayMedium-v0", 3)}
 
 
@@ -67,7 +64,7 @@ def configs() -> dict[str, RunConfig]:
             f"{trained_at}-forecast": PPOConfig(**own, lags=PAST),
             f"{trained_at}-recurrent": RecurrentPPOConfig(**own),
             f"{trained_at}-observer": PPOConfig(
-                **own | {"options": {"last_actions": 1, "observation": OBSERVED}},
+                **own | {"options": {"last_actions": 1, "observation": BEHIND_FILTER}},
                 observer="nominal" if trained_at == "known" else "delay",
             ),
         }
@@ -75,16 +72,20 @@ def configs() -> dict[str, RunConfig]:
 
 
 def training(name: str, config: RunConfig, folder: Path) -> dict[str, Any]:
-    """Train an agent, and measure it; see `scripts.learning.agents.Agent`."""
-    began = time.process_time()
+    """Train an agent, and measure it; see `scripts.learning.agents.Agent`.
+
+    The `seconds` of processor time, with the evaluations, are None for a training that had begun before.
+    """
+    own, began = folder / name / f"seed-{config.seed}", time.process_time()
+    fresh = not own.exists()
     if name.endswith("forecast"):
         assert isinstance(config, PPOConfig)
         policy, best, rows = forecast.trained(config)
     else:
-        made = trained(config, folder / name / f"seed-{config.seed}")
+        made = trained(config, own)
         policy, best = load_policy(made.folder).policy, made.score
         rows = json.loads((made.folder / "evaluations.json").read_text())
-    seconds = time.process_time() - began
+    seconds = time.process_time() - began if fresh else None
     laps = {lap: {"rms": getattr(best, lap).rms} for lap in LAPS}
     curve = {"steps": [row["steps"] for row in rows], **{lap: [row[lap]["rms"] for row in rows] for lap in LAPS}}
     errors = errors_by_delay(policy, config)
@@ -107,12 +108,9 @@ def agents(found: Mapping[str, Mapping[str, Any]], names: Mapping[str, RunConfig
     made = {}
     for name, config in names.items():
         own = [dict(one) for label, one in found.items() if label.rpartition(" ")[0] == name]
-        seconds = [one.pop("seconds") for one in own]
-        made[name] = {
-            "config": config.plain(),
-            "seconds": round(float(np.median(seconds)) * 1e6 / STEPS, 1),
-            "trainings": own,
-        }
+        seconds = [x for x in [one.pop("seconds") for one in own] if x is not None]
+        million = round(float(np.median(seconds)) * 1e6 / STEPS, 1) if seconds else None
+        made[name] = {"config": config.plain(), "seconds": million, "trainings": own}
     return made
 
 
