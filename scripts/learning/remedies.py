@@ -25,11 +25,10 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
 from scripts.common.study import Trial, Trials
-from scripts.common.trainings import trained
+from scripts.common.trainings import BEHIND_FILTER, trained
 from scripts.learning import forecast
 from scripts.learning.agents import FOLDER
 from scripts.learning.conditions import DELAYS
-from scripts.shipped.agents import BEHIND_FILTER
 
 FILE = FOLDER / "delays.json"
 STEPS = 1_000_000
