@@ -102,7 +102,7 @@ class Task:
             delay=max(settings.sensor_delays),
             actuation_delay=settings.actuation_delay,
             imu=_imu(settings),
-            payloads=_payloads(settings),
+            payloads=payloads_on_the_way(settings),
             motors=tuple(name for name, value in IDEAL_MOTORS.items() if getattr(settings, name) != value),
             blocks=env_attribute(env, "observation_blocks"),
             scale=env_attribute(env, "observation_scale"),
@@ -147,7 +147,7 @@ def _imu(settings: Any) -> tuple[int, float, float] | None:
     return link, settings.flexible_arm.parameters.link_lengths[link - 1] if place is None else place, settings.imu_delay
 
 
-def _payloads(settings: Any) -> Floats | None:
+def payloads_on_the_way(settings: Any) -> Floats | None:
     """Return `Task.payloads` of an environment; the latest change of the lap counts, before the first the last one."""
     if not settings.payload_changes:
         return None

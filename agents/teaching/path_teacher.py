@@ -7,10 +7,9 @@ the payload changes on the way, stretches without a change are planned one after
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,9 +30,11 @@ from flexarm_agents.teaching.teacher import (
     plant,
     read,
 )
-from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights, SolverOptions, TrackingProblem, optimise
+from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights, SolverOptions, TrackingProblem
+from flexarm_baselines.optimal.phases import optimise_phases
 from flexarm_baselines.optimal.solver import DivergingStartError
-from flexarm_baselines.optimal.starts import Branch, along, both_sides
+from flexarm_baselines.optimal.starts import both_sides
+from flexarm_baselines.task import payloads_on_the_way
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.simulation.arm import FlexibleArm
@@ -141,51 +142,16 @@ def _plan(config: DAggerConfig, env: FlexArmVectorEnv, index: int, path: Path) -
     reference, side = env.simulator.path(index), env.episode.elbow_branch[index]
     wishes: dict[str, Any] = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
     problem = TrackingProblem(arm, rest_state(arm, reference[0], side), reference, env.settings.motor_limit, **wishes)
-    changes, payloads = env.settings.payload_changes, None
-    if changes is not None:
-        wishes["payload_changes"] = [list(change) for change in changes]
-        payloads = _payloads(changes, drawn["payload_mass"], problem.periods)
+    payloads = payloads_on_the_way(env.settings)
+    if payloads is not None:
+        wishes["payload_changes"] = [list(change) for change in env.settings.payload_changes]
     if (plan := read(path, problem, wishes)) is None:
+        near = np.linalg.norm(reference[0]) > NEARLY_STRAIGHT * parameters.reach
+        masses = np.full(problem.periods, np.nan) if payloads is None else payloads
         with suppress(DivergingStartError):
-            plan = _planned(problem, side, payloads, wishes)
-            put(path, lambda aside: plan.save(aside, run=changes is not None))
+            found = optimise_phases(problem, masses, both_sides(side, PERIOD)[: 1 + near], OPTIONS, MORE)
+            plan = Plan.of(problem, found, **wishes)
+            put(path, lambda aside: plan.save(aside, run=payloads is not None))
     if plan is None or problem.cost(Rollout(plan.states, plan.torques)) >= BAD**2:
         return None
     return replace(plan, payloads=payloads)
-
-
-def _payloads(changes: Sequence[tuple[float, float | None]], own: float, periods: int) -> Floats:
-    """Return what the tip carries in each period of a path [kg], given the mass that stands for None. Shape (n,)."""
-    phases, masses = zip(*changes, strict=True)
-    latest = np.searchsorted(phases, (np.arange(periods) + 1e-6) / periods, side="right") - 1
-    return np.array([own if mass is None else mass for mass in masses])[latest]
-
-
-def _planned(problem: TrackingProblem, side: str, payloads: Floats | None, notes: Mapping[str, Any]) -> Plan:
-    """Plan each stretch without a change of the payload, from the state and the torque at the end of the one before.
-
-    Raises:
-        DivergingStartError: if a stretch diverges.
-    """
-    own = problem.arm.parameters
-    masses = np.full(problem.periods, own.payload_mass) if payloads is None else payloads
-    near = np.linalg.norm(problem.reference[0]) > NEARLY_STRAIGHT * own.reach
-    ways = both_sides(side, PERIOD)[: 1 + near]
-    states, torques = [problem.initial_state[None]], [np.zeros((1, 2))]
-    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(masses)) + 1).tolist(), problem.periods]):
-        stretch = replace(
-            problem,
-            arm=FlexibleArm(replace(own, payload_mass=float(masses[begin]))),
-            initial_state=states[-1][-1],
-            reference=problem.reference[begin : end + MORE + 1],
-            tip_weights=1.0,
-            torque_before=tuple(torques[-1][-1].tolist()),
-        )
-        runs = [along(stretch, way) for way in ways]
-        best = int(np.argmin([stretch.cost(run) for run in runs]))
-        found = optimise(stretch, runs[best], OPTIONS)
-        ways = ((Branch(0.0, ways[best][-1].side),),)
-        states.append(found.run.states[1 : end - begin + 1])
-        torques.append(found.run.torques[: end - begin])
-    run = Rollout(np.concatenate(states), np.concatenate(torques[1:]))
-    return Plan.of(problem, found._replace(run=run), **notes)

@@ -26,6 +26,7 @@ from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import number
 
 # Encoders are trusted little, and their rates hardly at all: at the first moves the filter would else take fast
 # vibrations, which no model has right, for payload.
@@ -143,7 +144,7 @@ class AdaptiveLQG(LQG):
             noise: standard deviations that the filters assume.
             payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED` where the payload changes on the way.
             stiffnesses: factors on the links' stiffness of the grid.
-            late: delay of the motors for which the regulators are designed [s].
+            late: delay of the motors for which the regulators are designed, at most a control period [s].
 
         Raises:
             ValueError: see `LQG`.
@@ -155,7 +156,8 @@ class AdaptiveLQG(LQG):
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)
         numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)
-        design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, late / task.period)
+        share = min(number("late", late, "s", least=0.0) / task.period, 1.0)
+        design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, share)
         sensor = task.period, task.delay, task.sensor_position
         self.filter = filters(design, *sensor, noise, tuple(self.quantities.items()))
         self.regulator = regulators(design)[1]
@@ -164,6 +166,7 @@ class AdaptiveLQG(LQG):
         self._of_the_arm = size + len(OF_THE_ARM)
         self._least, self._most = np.array([(one.least, one.most) for one in ESTIMATED.values()]).T
         self._most[list(ESTIMATED).index("payload_mass")] = max(payloads) + 0.1
+        self._latest = min(LATENESS.most, task.period)  # the model's motors are late by a period at most
 
     def start(self, seen: Seen) -> Memory:
         """Begin on the nearest plan, with all hypotheses."""
@@ -172,7 +175,8 @@ class AdaptiveLQG(LQG):
         estimate = np.repeat(self.filter.nominal[chosen, period].astype(np.float64)[:, None], shape[1], axis=1)
         given = np.array(HYPOTHESES)
         estimate[..., self._quantities.start : self._quantities.start + 2] = given[:, :2]
-        late, variance = np.tile(given[:, 2], (shape[0], 1)), np.full(shape, LATENESS.deviation**2)
+        late = np.tile(given[:, 2].clip(LATENESS.least, self._latest), (shape[0], 1))
+        variance = np.full(shape, LATENESS.deviation**2)
         beliefs = Beliefs(estimate, late, variance, np.zeros_like(estimate))
         believed: Array = np.zeros(shape[0], dtype=np.int64)
         nothing = np.zeros((shape[0], 2))
@@ -224,7 +228,7 @@ class AdaptiveLQG(LQG):
         change = variance / known * np.sum(weighed * residual, axis=1)
         wandering = (LATENESS.drift * LATENESS.deviation) ** 2 * period
         after = np.minimum(variance / known + wandering, LATENESS.deviation**2)
-        return (late + change).clip(LATENESS.least, LATENESS.most) - late, after
+        return (late + change).clip(LATENESS.least, self._latest) - late, after
 
     def _nearest_node(self, chosen: Array, estimate: Floats) -> Array:
         """Return the place of the tables for the nearest payload and stiffness. Shape (n,)."""

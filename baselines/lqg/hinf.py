@@ -25,8 +25,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import number
 
 # The laps begin at rest where the encoders say: an unknown start would be the worst disturbance of all.
-START = 1e-3  # [rad], [m], [rad/s], [m/s]
-KNOWN = replace(NOISE, start_joint=START, start_mode=START, start_rate=START)
+KNOWN = replace(NOISE, start_joint=1e-3, start_mode=1e-3, start_rate=1e-3)
 GAMMA = 18.0  # a tenth above `least_gamma`
 
 
@@ -76,12 +75,8 @@ class Game(NamedTuple):
         """
         more, count = round(ENDURING / self.kalman.period), self.cost.shape[1]
         periods = [*range(count), *[count - 1] * more]
-        to_go, found, gains = (
-            self.cost[:, -1],
-            np.empty_like(self.cost),
-            np.empty(self.along.by_torque.swapaxes(2, 3).shape),
-        )
-        eye = np.eye(to_go.shape[-1])
+        to_go, eye = self.cost[:, -1], np.eye(self.kalman.size)
+        found, gains = np.empty_like(self.cost), np.empty_like(self.along.by_torque.swapaxes(2, 3), order="C")
         for n, k in zip(reversed(range(len(periods))), reversed(periods), strict=True):
             matrix, by_torque, noise = self.along.matrix[:, k], self.along.by_torque[:, k], self.noise[:, k]
             if theta * _radius(noise, to_go) >= 1.0:
@@ -187,22 +182,13 @@ class HInfinityLQG(LQG):
         return wanted, estimate + product(self.solution.pull[at], off)
 
 
-def least_gamma(game: Game, low: float = 1.0, high: float = 1e5, digits: float = 1e-2) -> float:
-    """Return the least gamma that a controller guarantees, by bisection of its logarithm.
-
-    Args:
-        game: the game.
-        low: a gamma that no controller guarantees.
-        high: a gamma that a controller guarantees.
-        digits: relative accuracy.
-
-    Raises:
-        ValueError: if `low` is guaranteed, or `high` is not.
-    """
-    if game.solved(number("low", low, above=0.0)):
-        raise ValueError(f"low = {low}: must be a gamma that no controller guarantees")
-    if not game.solved(number("high", high, above=low)):
-        raise ValueError(f"high = {high}: must be a gamma that a controller guarantees")
+def least_gamma(game: Game, digits: float = 1e-2) -> float:
+    """Return the least gamma that a controller guarantees, to relative `digits`, by bisection of its logarithm."""
+    low = high = GAMMA
+    while game.solved(low):
+        low /= 2.0
+    while not game.solved(high):
+        high *= 2.0
     while high / low > 1.0 + digits:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if game.solved(middle) else (middle, high)

@@ -305,6 +305,15 @@ def update_value(step: Floats, gains: Floats, q: Quadratic, vx: Floats, vxx: Flo
 
 
 @compiled
+def copy_value(slopes: Floats, curvatures: Floats, to_slopes: Floats, to_curvatures: Floats) -> None:
+    """Copy both; to compile an assignment of arrays takes seconds, for the text of its error."""
+    for i in range(slopes.shape[0]):
+        to_slopes[i] = slopes[i]
+        for j in range(slopes.shape[0]):
+            to_curvatures[i, j] = curvatures[i, j]
+
+
+@compiled
 def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     """Sweep backward through runs: steps and gains that minimise the quadratic model of each one's cost.
 
@@ -322,9 +331,11 @@ def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     q = Quadratic(np.zeros(size), np.zeros((size, size)), u, uu, np.zeros((TORQUES, size)))
     found.expected[:] = 0.0
     for run in range(count):
-        found.slopes[run, periods, :n] += runs.gradient[run, periods]
-        found.curvatures[run, periods, :n, :n] += runs.hessian[run, periods]
-        vx[:], vxx[:] = found.slopes[run, periods], found.curvatures[run, periods]
+        for i in range(n):
+            found.slopes[run, periods, i] += runs.gradient[run, periods, i]
+            for j in range(n):
+                found.curvatures[run, periods, i, j] += runs.hessian[run, periods, i, j]
+        copy_value(found.slopes[run, periods], found.curvatures[run, periods], vx, vxx)
         for t in range(periods - 1, -1, -1):
             torque, change, gains = runs.torques[run, t + 1], found.forward[run, t], found.gains[run, t]
             for i in range(size):
@@ -339,4 +350,4 @@ def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
             minimise(runs.weights, bounds, torque, q, box, change, gains)
             found.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]
             found.expected[run, 1] += update_value(change, gains, q, vx, vxx)
-            found.slopes[run, t], found.curvatures[run, t] = vx, vxx
+            copy_value(vx, vxx, found.slopes[run, t], found.curvatures[run, t])

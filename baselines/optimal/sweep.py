@@ -9,6 +9,7 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal import kernels
 from flexarm_baselines.optimal.kernels import Model, Sweep
+from flexarm_env.codegen.cache import call
 
 
 class CostToGo(NamedTuple):
@@ -54,5 +55,5 @@ def sweep(
     bounds = kernels.Bounds(
         np.full(2, np.inf) if limits is None else limits, np.zeros(2) if regularisation is None else regularisation
     )
-    kernels.backward(Model(weights=model.weights, **tables), bounds, Sweep(*map(runs, found)))
+    call(kernels.backward, Model(weights=model.weights, **tables), bounds, Sweep(*map(runs, found)))
     return found

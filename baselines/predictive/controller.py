@@ -237,29 +237,19 @@ class StampedNMPC(NMPC):
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase", "reading_age")
 
-    def __init__(
-        self,
-        task: Task,
-        noise: NoiseModel = NOISE,
-        unknown: Mapping[str, float] | None = None,
-        drift: float = 0.1,
-        **design: Any,
-    ) -> None:
+    def __init__(self, task: Task, **design: Any) -> None:
         """Design filter and prediction.
 
         Args:
             task: see `Task`.
-            noise: see `NMPC`.
-            unknown: see `NMPC`; e.g. `STAMPED`.
-            drift: see `NMPC`.
-            **design: see `NMPC`.
+            **design: see `NMPC`; `unknown` e.g. `STAMPED`.
 
         Raises:
             ValueError: if the delay is not one of the unknown quantities.
         """
-        if "delay" not in mapping("unknown", unknown or {}):
-            raise ValueError(f"unknown = {shown(unknown)}: must have 'delay', which the time stamps replace")
-        super().__init__(task, noise, unknown, drift, **design)
+        super().__init__(task, **design)
+        if "delay" not in self.filter.quantities:
+            raise ValueError(f"unknown = {shown(design.get('unknown'))}: must have 'delay', which time stamps replace")
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """See `NMPC`."""
