@@ -147,7 +147,8 @@ if ! $(PY) -c 'import pip' >/dev/null 2>&1; then \
 fi
 endef
 
-install = $(PY) -m pip install -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c $(CONSTRAINTS)
+# Python compiles what is imported, when it is: most modules of the libraries never are.
+install = $(PY) -m pip install --no-compile -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c $(CONSTRAINTS)
 
 $(HAS)-%: pyproject.toml $(CONSTRAINTS)
 	$(ensure_venv)

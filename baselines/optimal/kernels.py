@@ -305,15 +305,6 @@ def update_value(step: Floats, gains: Floats, q: Quadratic, vx: Floats, vxx: Flo
 
 
 @compiled
-def copy_value(slopes: Floats, curvatures: Floats, to_slopes: Floats, to_curvatures: Floats) -> None:
-    """Copy both; to compile an assignment of arrays takes seconds, for the text of its error."""
-    for i in range(slopes.shape[0]):
-        to_slopes[i] = slopes[i]
-        for j in range(slopes.shape[0]):
-            to_curvatures[i, j] = curvatures[i, j]
-
-
-@compiled
 def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     """Sweep backward through runs: steps and gains that minimise the quadratic model of each one's cost.
 
@@ -326,19 +317,20 @@ def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     """
     count, periods, n = runs.by_torque.shape[:3]
     size = n + TORQUES
-    vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
+    vx, va = np.zeros(size), np.zeros((n, n))
     box, (u, uu) = np.zeros((2, TORQUES)), (np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)))
     q = Quadratic(np.zeros(size), np.zeros((size, size)), u, uu, np.zeros((TORQUES, size)))
     found.expected[:] = 0.0
     for run in range(count):
-        for i in range(n):
+        for i in range(n):  # to compile sums of arrays takes seconds, for the text of their errors
             found.slopes[run, periods, i] += runs.gradient[run, periods, i]
             for j in range(n):
                 found.curvatures[run, periods, i, j] += runs.hessian[run, periods, i, j]
-        copy_value(found.slopes[run, periods], found.curvatures[run, periods], vx, vxx)
         for t in range(periods - 1, -1, -1):
             torque, change, gains = runs.torques[run, t + 1], found.forward[run, t], found.gains[run, t]
+            vxx = found.curvatures[run, t + 1]
             for i in range(size):
+                vx[i] = found.slopes[run, t + 1, i]
                 for j in range(n):
                     vx[i] += vxx[i, j] * runs.defects[run, min(t, runs.defects.shape[1] - 1), j]
             curvature = runs.curvature[run, min(t, runs.curvature.shape[1] - 1)]
@@ -349,5 +341,4 @@ def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
             add_torque_cost(runs.weights, torque, runs.torques[run, t], q)
             minimise(runs.weights, bounds, torque, q, box, change, gains)
             found.expected[run, 0] += change[0] * q.u[0] + change[1] * q.u[1]
-            found.expected[run, 1] += update_value(change, gains, q, vx, vxx)
-            copy_value(vx, vxx, found.slopes[run, t], found.curvatures[run, t])
+            found.expected[run, 1] += update_value(change, gains, q, found.slopes[run, t], found.curvatures[run, t])

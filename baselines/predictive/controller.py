@@ -247,9 +247,9 @@ class StampedNMPC(NMPC):
         Raises:
             ValueError: if the delay is not one of the unknown quantities.
         """
-        super().__init__(task, **design)
-        if "delay" not in self.filter.quantities:
+        if "delay" not in mapping("unknown", design.get("unknown") or {}):
             raise ValueError(f"unknown = {shown(design.get('unknown'))}: must have 'delay', which time stamps replace")
+        super().__init__(task, **design)
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """See `NMPC`."""

@@ -117,7 +117,7 @@ def test_plans_are_for_the_environments_own_corners(tmp_path: Path, monkeypatch:
         np.testing.assert_array_equal(problem.reference[::100], settings.paths[0].position(np.arange(17.0)))
 
 
-@pytest.mark.compiled  # a whole lap
+@pytest.mark.slow  # kernels of its own, and a whole lap
 def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
     """Plans rest to a few hundredths of a millimetre; those of two loads are mixed for one between them."""
     own = {"arm": {"modes_per_link": 1}, "randomisation": {"payload_mass": (0.4, 0.6)}}

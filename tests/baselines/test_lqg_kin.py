@@ -14,7 +14,7 @@ from flexarm_baselines.lqg.imu import InertialLQG
 from flexarm_baselines.lqg.nodes import BEND, Node, grid
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
-from flexarm_baselines.optimal import GOOD, RegulatorWeights
+from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
@@ -181,6 +181,22 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     assert estimate[:, SIZE + 3] == pytest.approx([0.0234, 0.0234], abs=3e-3)
     assert (late < 4e-3).all()  # where it began; these motors are not late
     assert errors[1] < 0.5 * errors[0]
+
+
+def test_motors_are_late_by_a_period_at_most() -> None:
+    """Periods are shorter than the default lateness of the design, the hypotheses' and the largest estimate."""
+    own = replace(task(), period=0.002)
+    torques = np.zeros((own.periods, 2))
+    run = ARM.rollout(START, torques, period=own.period)
+    at_rest = Plan(ARM.parameters, run.states, torques, own.reference, own.torque_limit, own.period, 1e-3)
+    controller, observation = AdaptiveLQG(own, [at_rest], payloads=(0.0,), stiffnesses=(1.0,)), Plant(START[None])
+    state, late = None, []
+    for _ in range(20):
+        _, state = controller.predict(observation.observe(), state)
+        late.append(Beliefs(*state[:4]).late)
+        observation.states = observation.states + np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.5, 0.0, 0.0])
+    assert np.min(late) >= 0.0
+    assert np.max(late) == own.period
 
 
 def test_equal_tasks_share_a_design_and_others_do_not() -> None:

@@ -60,7 +60,7 @@ def test_no_policy_leaves_the_bounds_for_long(policy: str) -> None:
         play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
 
 
-@cases(25, 1_000)
+@cases(15, 1_000)
 @given(any_options(garbage=False), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
 def test_no_options_leave_the_bounds(options: dict[str, Any], policy: str, seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:

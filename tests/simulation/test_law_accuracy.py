@@ -1,5 +1,6 @@
 """The arm under its law against an independent solution (`oracle`), and what the integrator promises."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -49,10 +50,18 @@ CASES: dict[str, tuple[Problem, float, float]] = {
 }
 
 
-SLOW = ("paper, collocated, lap", "4 modes, end effector", "4 modes, gain 17")  # others use the same formulas
+# Others use the same formulas. That of the bent link's sensor is tested by `physics/test_foreshortening.py`, too.
+SLOW = (
+    *("paper, collocated, lap", "paper, end effector, lap", "4 modes, end effector", "4 modes, gain 17"),
+    *("true sensor, undelayed", "true sensor", "true sensor 2 m past the elbow, late rates, noise"),
+)
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES])
+def fast_or_slow(names: Iterable[str]) -> list[Any]:
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in names]
+
+
+@pytest.mark.parametrize("name", fast_or_slow(CASES))
 def test_agrees_with_the_oracle(name: str) -> None:
     assert_accurate(*CASES[name])
 
@@ -84,7 +93,7 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
 }
 
 
-@pytest.mark.parametrize("name", HARD_CASES)
+@pytest.mark.parametrize("name", fast_or_slow(HARD_CASES))
 def test_solves_the_oracles_equation(name: str) -> None:
     problem, fine, default = HARD_CASES[name]
     assert_accurate(problem, fine, fine, FINE_STEP)
