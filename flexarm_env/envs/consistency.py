@@ -292,8 +292,9 @@ def checked_waypoints(name: str, value: Any) -> Any:
 
 def _checked_table(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
     given = real_array(name, value)
-    columns = 3 if given.ndim == 2 and given.shape[1] == 3 else 2
-    return tuple(tuple(row) for row in finite_array(name, given, (None, columns), most=FARTHEST).tolist())
+    if given.ndim != 2 or given.shape[1] not in (2, 3):
+        raise ValueError(f"{name}: must have shape (n, 2) or (n, 3), got {given.shape}")
+    return tuple(tuple(row) for row in finite_array(name, given, given.shape, most=FARTHEST).tolist())
 
 
 def lap_of(waypoints: Any) -> float | None:
