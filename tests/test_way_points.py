@@ -86,7 +86,7 @@ test_environments_refuse_bad_way_points = refused(
     ({"waypoints": [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0)]}, "times must increase from 0"),
     ({"waypoints": [(0.0, 1.0, 1.0), (1e-9, 2.0, 1.0)]}, r"waypoints\[-1\]\[0\] = 1e-09: must be"),
     ({"waypoints": [(0.0, 1.0, 1.0), (1.0, 2.0, 1.0)], "lap_time": 8.0}, "lap_time = 8.0: has no effect here"),
-    ({"waypoints": [(0.0, 1.0, 1.0, 1.0)]}, "waypoints"),
+    ({"waypoints": [(0.0, 1.0, 1.0, 1.0)]}, r"waypoints: must have shape \(n, 2\) or \(n, 3\), got \(1, 4\)"),
     ({"waypoints": [(0.0, 1.0), (0.0, 1.0, 2.0)]}, "waypoints"),
     by=lambda options: bare("FlexArm/Track-v0", reference="waypoints", **options),
 )

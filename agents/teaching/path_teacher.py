@@ -147,9 +147,8 @@ def _plan(config: DAggerConfig, env: FlexArmVectorEnv, index: int, path: Path) -
         wishes["payload_changes"] = [list(change) for change in env.settings.payload_changes]
     if (plan := read(path, problem, wishes)) is None:
         near = np.linalg.norm(reference[0]) > NEARLY_STRAIGHT * parameters.reach
-        masses = np.full(problem.periods, np.nan) if payloads is None else payloads
         with suppress(DivergingStartError):
-            found = optimise_phases(problem, masses, both_sides(side, PERIOD)[: 1 + near], OPTIONS, MORE)
+            found = optimise_phases(problem, payloads, both_sides(side, PERIOD)[: 1 + near], OPTIONS, MORE)
             plan = Plan.of(problem, found, **wishes)
             put(path, lambda aside: plan.save(aside, run=payloads is not None))
     if plan is None or problem.cost(Rollout(plan.states, plan.torques)) >= BAD**2:

@@ -56,6 +56,7 @@ ESTIMATED = {
     "delay": Unknown(0.02, 0.1, 0.0, 0.08),  # [s]
 }
 STAMPED = ESTIMATED | {"delay": ESTIMATED["delay"]._replace(deviation=1e-4)}  # with time stamps
+LATE = 3e-3  # of the motors, for which regulators are designed [s]
 LATENESS = Unknown(3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
@@ -133,7 +134,7 @@ class AdaptiveLQG(LQG):
         noise: NoiseModel = NOISE,
         payloads: Sequence[float] | None = None,
         stiffnesses: Sequence[float] = STIFFNESSES,
-        late: float = 3e-3,
+        late: float | None = None,
     ) -> None:
         """Make plans, filters and regulators for all nodes.
 
@@ -144,7 +145,7 @@ class AdaptiveLQG(LQG):
             noise: standard deviations that the filters assume.
             payloads: payloads of the grid [kg]; None: `PAYLOADS`, or `CARRIED` where the payload changes on the way.
             stiffnesses: factors on the links' stiffness of the grid.
-            late: delay of the motors for which the regulators are designed, at most a control period [s].
+            late: delay of the motors for which regulators are designed [s]; None: 3 ms, a period if that is shorter.
 
         Raises:
             ValueError: see `LQG`.
@@ -156,8 +157,8 @@ class AdaptiveLQG(LQG):
         payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
         self._grid = sorted(payloads), sorted(stiffnesses)
         numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)
-        share = min(number("late", late, "s", least=0.0) / task.period, 1.0)
-        design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, share)
+        late = min(LATE, task.period) if late is None else number("late", late, "s", least=0.0, most=task.period)
+        design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, late / task.period)
         sensor = task.period, task.delay, task.sensor_position
         self.filter = filters(design, *sensor, noise, tuple(self.quantities.items()))
         self.regulator = regulators(design)[1]
@@ -166,7 +167,7 @@ class AdaptiveLQG(LQG):
         self._of_the_arm = size + len(OF_THE_ARM)
         self._least, self._most = np.array([(one.least, one.most) for one in ESTIMATED.values()]).T
         self._most[list(ESTIMATED).index("payload_mass")] = max(payloads) + 0.1
-        self._latest = min(LATENESS.most, task.period)  # the model's motors are late by a period at most
+        self._most_late = min(LATENESS.most, task.period)  # the model's motors are late by a period at most
 
     def start(self, seen: Seen) -> Memory:
         """Begin on the nearest plan, with all hypotheses."""
@@ -175,7 +176,7 @@ class AdaptiveLQG(LQG):
         estimate = np.repeat(self.filter.nominal[chosen, period].astype(np.float64)[:, None], shape[1], axis=1)
         given = np.array(HYPOTHESES)
         estimate[..., self._quantities.start : self._quantities.start + 2] = given[:, :2]
-        late = np.tile(given[:, 2].clip(LATENESS.least, self._latest), (shape[0], 1))
+        late = np.tile(np.minimum(given[:, 2], self._most_late), (shape[0], 1))
         variance = np.full(shape, LATENESS.deviation**2)
         beliefs = Beliefs(estimate, late, variance, np.zeros_like(estimate))
         believed: Array = np.zeros(shape[0], dtype=np.int64)
@@ -228,7 +229,7 @@ class AdaptiveLQG(LQG):
         change = variance / known * np.sum(weighed * residual, axis=1)
         wandering = (LATENESS.drift * LATENESS.deviation) ** 2 * period
         after = np.minimum(variance / known + wandering, LATENESS.deviation**2)
-        return (late + change).clip(LATENESS.least, self._latest) - late, after
+        return (late + change).clip(LATENESS.least, self._most_late) - late, after
 
     def _nearest_node(self, chosen: Array, estimate: Floats) -> Array:
         """Return the place of the tables for the nearest payload and stiffness. Shape (n,)."""

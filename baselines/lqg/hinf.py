@@ -49,10 +49,9 @@ class Game(NamedTuple):
     start: Floats
 
     @classmethod
-    def of(
-        cls, task: Task, plans: Sequence[Plan], arm: FlexibleArm, weights: RegulatorWeights, noise: NoiseModel
-    ) -> Game:
-        """Linearise the arm along plans."""
+    def of(cls, task: Task, plans: Sequence[Plan], weights: RegulatorWeights, noise: NoiseModel) -> Game:
+        """Linearise the task's arm along plans."""
+        arm = FlexibleArm(task.arm)
         kalman = KalmanFilter(arm, task.period, task.delay, task.sensor_position, noise)
         states = np.stack([plan.states[:-1] for plan in plans])
         torques, shape = np.stack([plan.torques for plan in plans]), states.shape[:2]
@@ -167,8 +166,7 @@ class HInfinityLQG(LQG):
         if task.actuation_delay:
             raise ValueError(f"env: actuation_delay = {task.actuation_delay} s: must be 0, the game has no late motors")
         super().__init__(task, plans, weights=weights, noise=noise)
-        number("gamma", gamma, above=0.0)
-        found = Game.of(task, self.plans, FlexibleArm(task.arm), weights, noise).solved(gamma)
+        found = Game.of(task, self.plans, weights, noise).solved(number("gamma", gamma, above=0.0))
         if found is None:
             raise ValueError(f"gamma = {gamma}: no controller guarantees it; the least is that of `least_gamma`")
         self.solution, self.filter = found, replace(self.filter, gain=found.correction)
@@ -182,14 +180,15 @@ class HInfinityLQG(LQG):
         return wanted, estimate + product(self.solution.pull[at], off)
 
 
-def least_gamma(game: Game, digits: float = 1e-2) -> float:
-    """Return the least gamma that a controller guarantees, to relative `digits`, by bisection of its logarithm."""
-    low = high = GAMMA
-    while game.solved(low):
-        low /= 2.0
-    while not game.solved(high):
-        high *= 2.0
-    while high / low > 1.0 + digits:
+def least_gamma(game: Game, low: float = 1.0, high: float = 1e5) -> float:
+    """Return the least gamma that a controller guarantees, to 1 %, by bisection of its logarithm from `low` to `high`.
+
+    Raises:
+        ValueError: if `low` is guaranteed, or `high` is not.
+    """
+    if game.solved(number("low", low, above=0.0)) or not game.solved(number("high", high, above=low)):
+        raise ValueError(f"low = {low}, high = {high}: a controller must guarantee high, and none low")
+    while high / low > 1.01:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if game.solved(middle) else (middle, high)
     return high

@@ -322,7 +322,7 @@ def backward(runs: Model, bounds: Bounds, found: Sweep) -> None:
     q = Quadratic(np.zeros(size), np.zeros((size, size)), u, uu, np.zeros((TORQUES, size)))
     found.expected[:] = 0.0
     for run in range(count):
-        for i in range(n):  # to compile sums of arrays takes seconds, for the text of their errors
+        for i in range(n):  # numba takes seconds to compile sums of arrays, with the text of their errors
             found.slopes[run, periods, i] += runs.gradient[run, periods, i]
             for j in range(n):
                 found.curvatures[run, periods, i, j] += runs.hessian[run, periods, i, j]

@@ -64,42 +64,46 @@ def _planned(
 
 def optimise_phases(
     problem: TrackingProblem,
-    payloads: Floats,
-    ways: Sequence[Sequence[Branch]],
+    payloads: Floats | None,
+    starts: Sequence[Sequence[Branch]],
     options: SolverOptions,
-    beyond: int = 0,
+    periods_beyond: int = 0,
 ) -> Solution:
     """Optimise each stretch without a change of the payload, from the state and torque at the end of the one before.
 
     Args:
-        problem: of the whole run, with one weight at all instants.
+        problem: of the whole run, without `residuals`.
         payloads: see `Plan.payloads`. Shape (n,).
-        ways: sides of the elbow by time that are tried in the first stretch; the others keep the best one's last side.
+        starts: branches of the first stretch's starts, see `along`; the others keep the side on which the best ends.
         options: of each stretch.
-        beyond: control periods for which a stretch is planned beyond its end, where the reference goes on.
+        periods_beyond: control periods for which a stretch is planned beyond its end, where the reference goes on.
 
     Returns:
-        What the solver found for the last stretch, with the whole run.
+        The run of all stretches, with the gains and the logs of each; it converged if all did.
 
     Raises:
         DivergingStartError: if a stretch diverges.
     """
     own = problem.arm.parameters
-    carried = np.where(np.isnan(payloads), own.payload_mass, payloads)
-    states, torques = [problem.initial_state[None]], [np.zeros((1, 2))]
+    masses = np.full(problem.periods, np.nan) if payloads is None else payloads
+    carried = np.where(np.isnan(masses), own.payload_mass, masses)
+    states, torques, found = [problem.initial_state[None]], [np.array([problem.torque_before])], []
     for begin, end in pairwise([0, *(np.flatnonzero(np.diff(carried)) + 1).tolist(), len(carried)]):
         stretch = replace(
             problem,
             arm=FlexibleArm(replace(own, payload_mass=float(carried[begin]))),
             initial_state=states[-1][-1],
-            reference=problem.reference[begin : end + beyond + 1],
-            tip_weights=1.0,
+            reference=problem.reference[begin : end + periods_beyond + 1],
+            tip_weights=np.asarray(problem.tip_weights)[begin : end + periods_beyond + 1],
             torque_before=tuple(torques[-1][-1].tolist()),
         )
-        runs = [along(stretch, way) for way in ways]
+        runs = [along(stretch, branches) for branches in starts]
         best = int(np.argmin([stretch.cost(run) for run in runs]))
-        found = optimise(stretch, runs[best], options)
-        ways = [[Branch(0.0, ways[best][-1].side)]]
-        states.append(found.run.states[1 : end - begin + 1])
-        torques.append(found.run.torques[: end - begin])
-    return found._replace(run=Rollout(np.concatenate(states), np.concatenate(torques[1:])))
+        one = optimise(stretch, runs[best], options)
+        starts = [[Branch(0.0, starts[best][-1].side)]]
+        states.append(one.run.states[1 : end - begin + 1])
+        torques.append(one.run.torques[: end - begin])
+        found.append(one._replace(gains=one.gains[: end - begin]))
+    run, gains = Rollout(np.concatenate(states), np.concatenate(torques[1:])), [one.gains for one in found]
+    log = tuple(row for one in found for row in one.log)
+    return Solution(run, np.concatenate(gains), log, all(one.converged for one in found))

@@ -237,19 +237,20 @@ class StampedNMPC(NMPC):
 
     blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase", "reading_age")
 
-    def __init__(self, task: Task, **design: Any) -> None:
+    def __init__(self, task: Task, unknown: Mapping[str, float], **design: Any) -> None:
         """Design filter and prediction.
 
         Args:
             task: see `Task`.
-            **design: see `NMPC`; `unknown` e.g. `STAMPED`.
+            unknown: see `NMPC`, with the delay, e.g. `STAMPED`.
+            **design: see `NMPC`.
 
         Raises:
             ValueError: if the delay is not one of the unknown quantities.
         """
-        if "delay" not in mapping("unknown", design.get("unknown") or {}):
-            raise ValueError(f"unknown = {shown(design.get('unknown'))}: must have 'delay', which time stamps replace")
-        super().__init__(task, **design)
+        if "delay" not in mapping("unknown", unknown):
+            raise ValueError(f"unknown = {shown(unknown)}: must have 'delay', which the time stamps replace")
+        super().__init__(task, unknown=unknown, **design)
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """See `NMPC`."""

@@ -132,8 +132,12 @@ def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
         *_, infos = env.step(actions)
         assert np.linalg.norm(infos["true_tip"] - infos["reference"][:, :2], axis=1).max() < 0.005, period
     env.close()
+
+
+def test_loads_are_not_taught_with_late_motors() -> None:
+    settings = settings_of("FlexArm/Carry-v0", {"motor_time_constant": (0.01, 0.01)})
     with refuses(ValueError, "motor_time_constant = ", "the teacher has plans for"):
-        Teacher.of(config, settings_of(config.environment, {"motor_time_constant": (0.01, 0.01)}), Path())
+        Teacher.of(DAggerConfig(environment="FlexArm/Carry-v0"), settings, Path())
 
 
 def test_a_curriculum_with_loads_is_planned_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,14 +1,14 @@
 """LQG's kin: the H-infinity controller with its guarantee, and the filters that find out what arm and sensor are."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, StampedLQG, hinf, nodes
-from flexarm_baselines.lqg.adaptive import Beliefs, least_in_doubt
+from flexarm_baselines.lqg import LQG, QUICK, AdaptiveLQG, StampedLQG, adaptive, hinf, nodes
+from flexarm_baselines.lqg.adaptive import Beliefs, Hypothesis, least_in_doubt
 from flexarm_baselines.lqg.hinf import Game, HInfinityLQG, Solution, least_gamma
 from flexarm_baselines.lqg.imu import InertialLQG
 from flexarm_baselines.lqg.nodes import BEND, Node, grid
@@ -16,7 +16,6 @@ from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
-from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from tests.support.late_arm import ARM, BLOCKS, SIZE, START, Plant, plan, task
 from tests.support.refusals import refused
@@ -29,7 +28,7 @@ NOISE = NoiseModel(
 
 @cache
 def game() -> Game:
-    return Game.of(task(), [plan()], ARM, WEIGHTS, NOISE)
+    return Game.of(task(), [plan()], WEIGHTS, NOISE)
 
 
 def root(matrix: np.ndarray) -> np.ndarray:
@@ -65,6 +64,9 @@ test_refusals = refused(
     (lambda: AdaptiveLQG(replace(task(), sensor="rigid"), [plan()]), "sensor = 'rigid': must be 'true'"),
     (lambda: HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()]), r"actuation_delay = 0\.01 s"),
     (lambda: AdaptiveLQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* at most"),
+    (lambda: AdaptiveLQG(task(), [plan()], late=0.02), r"late = 0\.02: must be .*<= 0\.01 \[s\]"),
+    (lambda: least_gamma(game(), high=2.0), r"low = 1\.0, high = 2\.0: a controller must guarantee high"),
+    (lambda: least_gamma(game(), low=1e4), r"low = 10000\.0, high = 100000\.0: a controller must"),
     (lambda: HInfinityLQG(task(), [plan()], gamma=1e-6), r"gamma = 1e-06: no controller guarantees it"),
 )
 
@@ -99,7 +101,7 @@ def test_with_a_large_gamma_it_is_lqg() -> None:
 def test_the_shipped_gamma_is_a_tenth_above_the_least() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **HInfinityLQG.options())
     own = Task.of(env)
-    shipped = Game.of(own, LQG(own).plans, FlexibleArm(own.arm), hinf.WEIGHTS, hinf.KNOWN)
+    shipped = Game.of(own, LQG(own).plans, hinf.WEIGHTS, hinf.KNOWN)
     assert shipped.solved(hinf.GAMMA / 1.15) is None
     assert shipped.solved(hinf.GAMMA / 1.05) is not None
 
@@ -183,20 +185,27 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_motors_are_late_by_a_period_at_most() -> None:
-    """Periods are shorter than the default lateness of the design, the hypotheses' and the largest estimate."""
+def test_motors_are_late_by_a_period_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where periods are shorter than what the design, the hypotheses and the estimates have by default."""
     own = replace(task(), period=0.002)
     torques = np.zeros((own.periods, 2))
     run = ARM.rollout(START, torques, period=own.period)
     at_rest = Plan(ARM.parameters, run.states, torques, own.reference, own.torque_limit, own.period, 1e-3)
-    controller, observation = AdaptiveLQG(own, [at_rest], payloads=(0.0,), stiffnesses=(1.0,)), Plant(START[None])
+    made, few, plant = (
+        partial(AdaptiveLQG, own, [at_rest]),
+        {"payloads": (0.0,), "stiffnesses": (1.0,)},
+        Plant(START[None]),
+    )
+    controller = made(**few)
+    assert controller.regulator is made(late=own.period, **few).regulator
+    monkeypatch.setattr(adaptive, "HYPOTHESES", (Hypothesis(0.3, 0.9, 4e-3), Hypothesis(0.3, 0.9, 1.9999e-3)))
     state, late = None, []
     for _ in range(20):
-        _, state = controller.predict(observation.observe(), state)
-        late.append(Beliefs(*state[:4]).late)
-        observation.states = observation.states + np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.5, 0.0, 0.0])
-    assert np.min(late) >= 0.0
-    assert np.max(late) == own.period
+        _, state = controller.predict(plant.observe(), state)
+        late.append(Beliefs(*state[:4]).late[0])
+        plant.states = plant.states + np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.5, 0.0, 0.0])  # as no motors move it
+    assert late[0][0] == own.period
+    assert 0.0 <= np.min(late) < np.max(np.array(late)[:, 1]) == own.period
 
 
 def test_equal_tasks_share_a_design_and_others_do_not() -> None:

@@ -50,10 +50,10 @@ CASES: dict[str, tuple[Problem, float, float]] = {
 }
 
 
-# Others use the same formulas. That of the bent link's sensor is tested by `physics/test_foreshortening.py`, too.
+# Others use the same formulas.
 SLOW = (
     *("paper, collocated, lap", "paper, end effector, lap", "4 modes, end effector", "4 modes, gain 17"),
-    *("true sensor, undelayed", "true sensor", "true sensor 2 m past the elbow, late rates, noise"),
+    *("true sensor, undelayed", "true sensor"),
 )
 
 
@@ -91,6 +91,10 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
     "delay of one step": (Problem(sensor=SensorParameters(delay=2.5e-4), periods=500), 1e-6, 1e-4),
     "delays of parts of a step": (Problem(sensor=SensorParameters(delay=(3e-4, 1e-4)), periods=500), 1e-6, 1e-4),
 }
+
+
+def test_the_slow_cases_are_cases() -> None:
+    assert set(SLOW) <= CASES.keys() | HARD_CASES.keys()
 
 
 @pytest.mark.parametrize("name", fast_or_slow(HARD_CASES))
