@@ -23,7 +23,7 @@ from flexarm_agents import evaluate
 
 @dataclass
 class Args:
-    """Settings of the training; they are those of `flexarm train`."""
+    """Settings of the training; those of `flexarm train` are in `agents/hyperparams/ppo.yml`."""
 
     environment: str = "flexarm_env:FlexArm/Square-v0"
     """Id of the environment."""
