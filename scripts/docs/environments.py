@@ -24,11 +24,11 @@ from scripts.docs.to_beat import best, to_beat
 PAGES = DOCS / "environments"
 WIDTH = 118  # of prose
 _INTRODUCTION = """\
-Which environments are there, and what do they share? All simulate a planar arm of two very flexible links, 9 m long,
-whose tip should follow a path, and are one class. The ids differ in its options: actions, sensors, what is drawn for
-each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks the leaderboard ([concepts](../concepts.md)).
-[Options](options.md) lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole
-specification of an id, with the side of the elbow."""
+Which environments are there, and what do they share? All simulate a planar arm of two very flexible links, 9 m long
+(`Lab-v0`: 0.4 m), whose tip should follow a path, and are one class (`SquareChain-v0`: a subclass). The ids differ in
+its options: actions, sensors, what is drawn for each episode, path. Begin with `Square-v0`; `SquareUnknown-v0` ranks
+the leaderboard ([concepts](../concepts.md)). [Options](options.md) lists all options, blocks of observations and keys
+of infos; `flexarm show ID` prints the whole specification of an id, with the side of the elbow."""
 _MAKE = """\
 `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`: the part before the colon imports the package, also in
 spawned processes. Options are arguments of `make` and `make_vec`."""

@@ -35,7 +35,7 @@ class OnBoard(NamedTuple):
 
 UNKNOWN = "0 to 15"  # the first of the ranges of episodes that the column "unknown" puts together
 BY_ID: Mapping[str, OnBoard] = {
-    "Square-v0": OnBoard("nominal", ("square",), ("plan_lqr", "lqg", "agent student_gauges", "agent square")),
+    "Square-v0": OnBoard("nominal", ("square",), ("plan_lqr", "hinf", "lqg", "agent student_gauges", "agent square")),
     "SquareGain-v0": OnBoard("nominal", ("square",), ("agent scheduler", "ifdc", "flsac")),
     "SquareChain-v0": OnBoard("nominal", ("chain",), ("hinf", "lqg_adaptive", "plan_lqr", "agent student_unknown")),
     "SquareEncoders-v0": OnBoard(
@@ -59,7 +59,7 @@ BY_ID: Mapping[str, OnBoard] = {
         "Laps with delays of 0, 10, ..., 60 ms.",
     ),
     "Reach-v0": OnBoard("nominal", ("reach",), ("agent universal", "agent square")),
-    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent universal")),
+    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "hinf", "lqg", "shaped", "agent universal")),
 }
 
 
