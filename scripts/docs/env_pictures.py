@@ -110,7 +110,7 @@ PICTURES = {
         controller="lqg",
     ),
     "Race-v0": Picture(
-        "Two laps in 9.4 s: the second one along the best known plan, in 4.6 s.",
+        "Two laps in 9.3 s: the second one along the best known plan, in 4.6 s.",
         STIFF,
         {"start": "corner"},
         934,
