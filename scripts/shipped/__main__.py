@@ -34,7 +34,7 @@ class Options:
     only: tuple[str, ...] = ()
     """Names of agents; without, all are trained."""
     seeds: int | None = None
-    """How many trainings of each, with the seeds from 0 on; an odd number. Without, as many as are shipped."""
+    """How many trainings of each, with the seeds from 0 on. Without, as many as are shipped."""
     jobs: int = 1
     """How many trainings run at once, on one core each."""
     output: Path = Path("results/shipped")
@@ -49,8 +49,6 @@ def train_and_ship(name: str, options: Options) -> None:
     """Train, choose and export an agent; trainings are kept where others failed."""
     agent = AGENTS[name]
     seeds = agent.seeds if options.seeds is None else integer("seeds", options.seeds, 1)
-    if seeds % 2 == 0:
-        raise ValueError(f"seeds = {seeds}: must be odd, so that one training is in the middle")
     jobs = agent.jobs(options.output / name, seeds)
     with tqdm(total=seeds, unit="training", desc=name) as bar:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)

@@ -76,7 +76,6 @@ CASES = [
     ("paper", "--workers 0", "workers = 0"),
     ("paper", "--parameters no_such_file.json", "no_such_file.json"),
     ("paper", "--output thesis", "output = thesis: exists and holds no summary.json"),
-    ("shipped", "--seeds 4", "seeds = 4: must be odd"),
     ("train", "--seeds 0-1 --seed 3", "seed = 3: must go without --seeds"),
 ]
 
