@@ -147,8 +147,7 @@ if ! $(PY) -c 'import pip' >/dev/null 2>&1; then \
 fi
 endef
 
-# pip would compile all modules of the libraries; most are never imported, and Python compiles the others on import.
-install = $(PY) -m pip install --no-compile -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c $(CONSTRAINTS)
+install = $(PY) -m pip install -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c $(CONSTRAINTS)
 
 $(HAS)-%: pyproject.toml $(CONSTRAINTS)
 	$(ensure_venv)

@@ -183,7 +183,6 @@ def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
 def test_a_shipped_policy_is_the_median_of_its_trainings(name: str) -> None:
     beside = json.loads((flexarm_agents.policies.load.POLICIES / f"{name}.json").read_text())
     ranks = sorted((rank([read_score(row)]), row["seed"]) for row in beside["trainings"])
-    assert len(ranks) % 2 == 1
     assert ranks[len(ranks) // 2][1] == beside["config"]["seed"]
     of_policy = {"seed": beside["config"]["seed"], **beside["evaluation"]}
     assert any(of_policy.items() <= training.items() for training in beside["trainings"])
