@@ -191,13 +191,9 @@ def test_motors_are_late_by_a_period_at_most(monkeypatch: pytest.MonkeyPatch) ->
     torques = np.zeros((own.periods, 2))
     run = ARM.rollout(START, torques, period=own.period)
     at_rest = Plan(ARM.parameters, run.states, torques, own.reference, own.torque_limit, own.period, 1e-3)
-    made, few, plant = (
-        partial(AdaptiveLQG, own, [at_rest]),
-        {"payloads": (0.0,), "stiffnesses": (1.0,)},
-        Plant(START[None]),
-    )
-    controller = made(**few)
-    assert controller.regulator is made(late=own.period, **few).regulator
+    made, plant = partial(AdaptiveLQG, own, [at_rest], payloads=(0.0,), stiffnesses=(1.0,)), Plant(START[None])
+    controller = made()
+    assert controller.regulator is made(late=own.period).regulator
     monkeypatch.setattr(adaptive, "HYPOTHESES", (Hypothesis(0.3, 0.9, 4e-3), Hypothesis(0.3, 0.9, 1.9999e-3)))
     state, late = None, []
     for _ in range(20):
