@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexarm_env import end_reason
 from tests.hardening.strategies import any_options, cases
-from tests.support.envs import CASE_NAMES, CASES, PAPER, RANDOM, RESIDUAL, SQUARE, make, terms_of
+from tests.support.envs import CASE_NAMES, CASES, make, terms_of
 from tests.support.plain import KERNELS, run_plainly
 
 POLICIES = ("random", "bang-bang", "spin", "none")
@@ -51,13 +51,6 @@ def test_no_policy_leaves_the_bounds(env_id: str, options: dict[str, Any], kerne
     else:
         for policy in POLICIES:
             play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
-
-
-@pytest.mark.parametrize("policy", POLICIES)
-def test_no_policy_leaves_the_bounds_for_long(policy: str) -> None:
-    """On the kernels of other tests."""
-    for env_id, options in ((SQUARE, {}), (SQUARE, RANDOM), (RESIDUAL, {}), (PAPER, {})):
-        play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
 
 
 @cases(15, 1_000)

@@ -15,7 +15,6 @@ from flexarm_env import register_environments
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.info import KEYS, info_keys
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import (
@@ -29,7 +28,6 @@ from tests.support.envs import (
     actions_for,
     assert_same,
     bare,
-    block,
     in_fresh_process,
     kinds_of,
     make,
@@ -120,13 +118,6 @@ def test_make_imports_the_package_by_itself() -> None:
     assert in_fresh_process(code) == "False False"
 
 
-def test_the_class_alone_is_the_square() -> None:
-    action = np.array([0.3, -0.2], np.float32)
-    alone, registered = FlexArmEnv(arm="linear"), bare()
-    alone.reset(seed=0)
-    assert_same(alone.step(action), registered.step(action))
-
-
 @pytest.mark.parametrize("env_id", IDS)
 def test_keys_of_infos(env_id: str) -> None:
     """As declared, which the documentation is made from."""
@@ -181,16 +172,6 @@ def test_what_is_handed_out_is_new(made: Any) -> None:
         earlier, kept = answer, copy.deepcopy(answer)
     action[:] = np.nan  # the caller's own, and not looked at again
     assert_same(env.step(np.zeros_like(action)), twin.step(np.zeros_like(action)))
-
-
-def test_the_lap_goes_on_after_its_end() -> None:
-    """The second lap is the first again: what acts on the arm knows no end of the lap."""
-    env = bare(error_limit=None, deflection_limit=None, lap_time=0.5, side=0.5, start="corner")
-    rows = [env.step(np.zeros(2, np.float32))[0] for _ in range(101)]
-    position = np.array([block(env, row, "reference_position") for row in rows])
-    np.testing.assert_allclose(position[50:], position[:51], atol=1e-6)  # float32
-    previews = np.array([block(env, row, "previews") for row in rows])
-    np.testing.assert_allclose(previews[50:], previews[:51], atol=1e-6)
 
 
 OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}

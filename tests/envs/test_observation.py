@@ -264,18 +264,6 @@ def test_a_start_on_the_move_has_a_past(place: float, time: float) -> None:
     np.testing.assert_allclose(run.block("sensor_error_rate")[0], rate, rtol=0.0, atol=2e-3)
 
 
-def test_a_start_on_the_move_does_not_jump() -> None:
-    """On a straight side, without deviations, there is no error, and the first rates are like the later ones."""
-    env = bare(start="moving", start_spread=(0.0, 0.0), delay=0.03, frame="world", **ALL)
-    run = recorded(env, time=1.0, size=0.0)
-    assert np.abs(run.block("sensor_error")[0]).max() < 1e-6
-    assert np.abs(run.block("sensor_error_rate")[0]).max() < 1e-4
-    rates = run.block("sensor_error_rate")
-    jumps = np.abs(np.diff(rates, axis=0)).max(axis=1)
-    assert jumps[:3].max() < 1e-3  # the readings are 30 ms old: these are of the past that was laid down
-    assert jumps.max() < 0.2
-
-
 def test_noise_has_the_size_it_says() -> None:
     """White, fresh each period, and of the measurements only; 1000 draws: deviations known to 3 %."""
     still = {"reference": "waypoints", "waypoints": [(5.0, 0.0), (5.0, 1e-9)], "start": "corner", "frame": "world"}

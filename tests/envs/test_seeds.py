@@ -19,10 +19,8 @@ from flexarm_env.envs.single import FlexArmEnv
 from tests.envs.test_draws import ALL, EITHER
 from tests.support.envs import (
     CALM,
-    FORESHORTENED,
     IDS,
     PAPER,
-    POOR_SENSOR,
     RANDOM,
     RESIDUAL,
     SQUARE,
@@ -30,17 +28,17 @@ from tests.support.envs import (
     bare,
     in_fresh_process,
     make,
+    random_options,
     vector,
 )
 from tests.support.programs import ROOT
 from tests.support.refusals import label
 
-NOISY: dict[str, Any] = RANDOM | POOR_SENSOR | FORESHORTENED  # of the square, whose kernels other tests compile, too
+NOISY = random_options(SQUARE)
 
 
 def noisy(env_id: str) -> dict[str, Any]:
-    corner = {"start": "corner"} if env_id == "FlexArm/Race-v0" else {}  # a race begins at rest
-    return {PAPER: RANDOM, SQUARE: NOISY}.get(env_id, RANDOM | POOR_SENSOR | corner)
+    return RANDOM if env_id == PAPER else random_options(env_id)
 
 
 def digest(env: Any, steps: int = 10) -> str:

@@ -10,7 +10,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_draws import ALL, EITHER
 from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, in_fresh_process, vector
+from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
 from tests.support.refusals import label, refuses
 
 ONE_MODE = {"modes_per_link": 1}
@@ -138,16 +138,6 @@ def test_environments_of_a_batch_that_read_differently_have_other_states() -> No
     for given, rows in ((states[0], [0, 2]), (states[:2], [1, 3])):
         with refuses(ValueError, "is of an environment with other options"):
             envs.set_state(given, rows)
-
-
-def test_a_state_goes_to_another_process() -> None:
-    code = (
-        "import gymnasium, flexarm_env; env = gymnasium.make('FlexArm/Square-v0', arm='linear').unwrapped; "
-        "env.reset(seed=5); print(env.get_state().tobytes().hex())"
-    )
-    state = np.frombuffer(bytes.fromhex(in_fresh_process(code)), np.uint64)
-    np.testing.assert_array_equal(state, bare(seed=5).get_state())
-    bare(seed=1).set_state(state)
 
 
 @pytest.mark.parametrize("rows", [[3], [-1], [0, 0], [], [0.0], 1, [True, False, True]])

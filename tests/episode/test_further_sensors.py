@@ -67,13 +67,6 @@ def test_a_start_on_the_move_has_a_past(link: int, place: float) -> None:
     np.testing.assert_allclose(env.row("FURTHER_ERROR"), on_reference(time) - present, atol=1e-9)
 
 
-def test_an_arm_at_rest_on_the_reference_has_no_error() -> None:
-    env = plain(start="corner", second_sensor_link=1, second_sensor_delay=0.2)
-    arm = env.simulator.settings.flexible_arm
-    np.testing.assert_allclose(env.row("FURTHER_READING"), arm.position(env.row("STATE")[:4], 1, 4.5), rtol=1e-13)
-    assert np.abs(env.row("FURTHER_ERROR")).max() < 1e-13
-
-
 BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND.blocks)
 ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
 

@@ -15,11 +15,10 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import PATHS
-from tests.support.envs import FREE, assert_same, bare, same_as_alone
+from tests.support.envs import FREE, RACE, assert_same, bare, same_as_alone
 from tests.support.plain import PlainEnvironment
 from tests.support.refusals import refuses
 
-RACE = "FlexArm/Race-v0"
 TINY: dict[str, Any] = {"arm": {"modes_per_link": 1}, "action_mode": "race", "start": "corner", "frame": "world"}
 TINY |= {"scaled": False, "observation": ("reference_position", "reference_velocity", "previews", "sensor_error")}
 TINY |= {"direction": "clockwise", "reward_weights": {"progress": 1.0}, **FREE}

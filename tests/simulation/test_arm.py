@@ -1,4 +1,4 @@
-"""`FlexibleArm`: what it promises to a user (its physics: test_dynamics, test_open_loop)."""
+"""`FlexibleArm`: what it promises to a user (its physics: test_dynamics, test_orders, test_drift)."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,16 +1,15 @@
 """The arm under its law against an independent solution (`oracle`), and what the integrator promises."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
+from flexarm_env import ArmParameters, LawParameters, SensorParameters
 from tests.support.loops import END_EFFECTOR, NEAR_ELBOW, PER_JOINT, SHARED, arm_of, assert_accurate, loop_of, simulated
-from tests.support.oracle import COLLOCATED, PAPER, PERIOD, Array, Problem, oracle, square_at
+from tests.support.oracle import COLLOCATED, PAPER, Problem
 from tests.support.refusals import label
 
 pytestmark = pytest.mark.compiled
@@ -137,67 +136,12 @@ def test_the_commands_corner_acts_at_its_time_within_a_step() -> None:
     assert_accurate(off_grid, 1e-4, 1e-4)
 
 
-def observed_orders(arm: ArmParameters, gain: float, steps: Array) -> Array:
-    """Of the error in coordinates, without any jump: the reference rests, and the start is on a smooth solution."""
-    problem = Problem(arm, gain=gain, rest_at=-6.3 - 6.3j, periods=200)
-    displaced = problem.start_state().copy()
-    displaced[:2] += (0.1, -0.15)
-    smooth = oracle(replace(problem, start=displaced), rtol=1e-10)[-1]  # 0.2 s later the fast modes are gone
-    problem = replace(problem, start=smooth, periods=100)
-    expected = oracle(problem, rtol=1e-11)
-    n = expected.shape[1] // 2
-    found = [(np.abs(simulated(problem, step) - expected) / np.ptp(expected, axis=0))[:, :n].max() for step in steps]
-    return np.diff(np.log(found)) / np.diff(np.log(steps))
-
-
-def test_order_of_convergence() -> None:
-    """Third order where the step resolves the law's fastest pole, lower where it does not.
-
-    With gain 0.1 the pole is at -1100 /s: 2.8, 2.9, 2.9 found from 0.25 ms down to 0.03 ms. With gain 1 at
-    -11 000 /s, steps around 0.25 ms lie in the stiff range, where the order is reduced: 1.8 found.
-    """
-    halved = 2.5e-4 * 0.5 ** np.arange(4.0)
-    assert np.all(np.abs(observed_orders(PAPER, 0.1, halved) - 2.87) < 0.15)
-    assert np.all(observed_orders(PAPER, 1.0, 2.0 * halved[:3]) > 1.6)
-
-
-@pytest.mark.parametrize("gain", [0.1, 17.0])
-@pytest.mark.parametrize(
-    "arm",
-    [PAPER, arm_of(2), *(pytest.param(arm_of(modes), marks=pytest.mark.slow) for modes in (3, 4))],
-    ids=["paper", "2 modes", "3 modes", "4 modes"],
-)
-def test_stable_over_the_lap(arm: ArmParameters, gain: float) -> None:
-    """Bounded at gains a hundredfold apart: fast poles from -1100 to -4.6e6 /s, step 0.125 to 0.25 ms."""
-    states = simulated(Problem(arm, gain=gain))
-    tips = FlexibleArm(arm).rigid_tip(states[:, : states.shape[1] // 2])
-    times = PERIOD * np.arange(len(states))
-    path = np.array([square_at(t, t + 1e-9, True)[0] for t in times])
-    distance = np.abs(tips[:, 0] + 1j * tips[:, 1] - path)
-    # A stiff gain holds the joints (0.07 m found after the corners); a soft one lags by up to 1.7 m.
-    assert distance.max() < (0.14 if gain > 1.0 else 3.0)
-
-
 # Delays in readings and command: from none on, through those shorter than a step.
 
 
 def test_no_delay_is_the_collocated_loop_bit_for_bit() -> None:
     collocated = simulated(Problem(periods=200))
     np.testing.assert_array_equal(simulated(Problem(sensor=SensorParameters(delay=0.0), periods=200)), collocated)
-
-
-@pytest.mark.parametrize("delayed", ["position", "position+rate"])
-def test_a_vanishing_delay_tends_to_none(delayed: Any) -> None:
-    """Linearly, through delays far shorter than a step."""
-
-    def deviation(delay: float) -> float:
-        late = simulated(Problem(sensor=SensorParameters(delay=delay, delayed=delayed), periods=100))
-        return float(np.abs(late - undelayed).max())
-
-    undelayed = simulated(Problem(periods=100))
-    found = np.array([deviation(delay) for delay in (1e-5, 1e-6, 1e-7)])
-    assert 0.0 < found[0] < 1.0  # rad/s, of 30
-    np.testing.assert_allclose(found[:-1] / found[1:], 10.0, rtol=0.2)
 
 
 @pytest.mark.parametrize(("delayed", "gain"), [("position", 1.0), ("position+rate", 0.02)])  # both are stable
@@ -210,31 +154,6 @@ def test_no_jump_where_a_delay_meets_a_stage_or_a_step(delay: float, delayed: An
     ]
     # a delay's sensitivity is some 1e3 rad/s per s: times 1e-12 s, with room
     assert max(np.abs(runs[0] - runs[1]).max(), np.abs(runs[2] - runs[1]).max()) < 1e-7
-
-
-def test_a_shared_command_delay_only_shifts_the_run() -> None:
-    """x(t; shared) = x(t - delay; none), whatever the joints' own delays: the command's delay is the shoulder's.
-
-    Before the delayed command arrives the arm rests on the corner without error. With a delay of 31 control periods
-    the shift is one of the grid, and the two runs differ by rounding in the times of the command alone.
-    """
-    sensor = SensorParameters(delay=(0.031, 0.0155))
-    shifted = simulated(Problem(PAPER, sensor, SHARED, 2031))
-    plain = simulated(Problem(sensor=sensor, periods=2000))
-    np.testing.assert_allclose(shifted[:32], np.broadcast_to(plain[0], (32, 8)), atol=1e-12)
-    np.testing.assert_allclose(shifted[31:], plain, atol=1e-9 * np.ptp(plain, axis=0).max())
-    per_joint = simulated(Problem(PAPER, sensor, PER_JOINT, 2031))
-    assert np.abs(per_joint[31:] - plain).max() > 0.1  # not so if each joint has a command delay of its own
-
-
-def test_noise_is_held_over_a_period_and_delayed_by_nothing() -> None:
-    """A constant offset of the reading is an opposite offset of the reference."""
-    offset = np.array([0.05, -0.03])
-    resting = Problem(sensor=END_EFFECTOR, rest_at=-6.3 - 6.3j, periods=300)
-    noisy = simulated(replace(resting, noise=np.tile(offset, (300, 1))))
-    moved = simulated(replace(resting, rest_at=-6.3 - 6.3j - complex(*offset)))
-    np.testing.assert_allclose(noisy, moved, atol=1e-9)
-    assert np.abs(noisy - simulated(resting)).max() > 1e-3
 
 
 def test_a_new_episode_forgets_one_that_diverged() -> None:

@@ -1,16 +1,13 @@
-"""Derivatives of what sensors read, of the tips and of the features that observations are made of."""
+"""Derivatives of what sensors read and of the tips."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.codegen.tangents import jacobian
-from flexarm_env.episode.features import Measurements, features
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows, place_rows
 from flexarm_env.kernels.output_jacobians import OUTPUT_JACOBIANS, run_outputs
@@ -74,20 +71,3 @@ def test_the_driver_gives_the_formulas_on_dual_numbers_in_plain_python(kinematic
         run_outputs(arena, states, values, slopes)
     for found, expected in zip((values, slopes), jacobian(outputs, states), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
-
-
-def parts(numbers: Any) -> list[Any]:
-    """Features of 18 numbers that a controller can know."""
-    groups = [numbers[n : n + size] for n, size in ((0, 4), (4, 4), (8, 4), (12, 2), (14, 2), (16, 2))]
-    known = Measurements(*groups, lengths=(4.5, 4.5), phase=numbers[18], frame=1.0)
-    return [x for group in features(known) for x in group]
-
-
-@settings(max_examples=50)
-@given(seed=st.integers(0, 10_000))
-def test_features_have_derivatives(seed: int) -> None:
-    point, h = np.random.default_rng(seed).uniform(-1.0, 1.0, 19), 1e-6
-    values, found = jacobian(parts, point)
-    np.testing.assert_allclose(values, parts(point), rtol=1e-14, atol=1e-15)
-    differences = [np.subtract(parts(point + h * way), parts(point - h * way)) / (2.0 * h) for way in np.eye(19)]
-    np.testing.assert_allclose(found, np.stack(differences, axis=1), atol=1e-7)

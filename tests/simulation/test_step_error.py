@@ -74,17 +74,6 @@ def test_joints_with_dry_friction_keep_it(seed: int) -> None:
     assert median_error(parameters, TORQUE_LIMIT, settings.substeps, seed) < 2.0 * TOLERANCE
 
 
-def test_an_undamped_arm_keeps_its_energy() -> None:
-    settings = Settings.of({"arm": {"damping_ratio": 0.0}})
-    arm, rng = settings.flexible_arm, np.random.default_rng(2)
-    torques = np.repeat(rng.uniform(-1.0, 1.0, (10, 2)) * TORQUE_LIMIT, 5, axis=0)
-    step = settings.integration.step
-    excited = arm.rollout(np.zeros(2 * arm.size), torques, period=PERIOD, step=step).states[-1]
-    free = arm.rollout(excited, np.zeros((100, 2)), period=PERIOD, step=step).states
-    energy = np.sum(arm.energy(free), axis=0)
-    assert np.abs(energy / energy[0] - 1.0).max() < 1e-3
-
-
 def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
     parameters = ArmParameters()
     errors = [expected_error(parameters, TORQUE_LIMIT, PERIOD / count) for count in (16, 32, 64)]

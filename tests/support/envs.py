@@ -29,7 +29,7 @@ BY_THE_CLOCK = [name for name in TERMS if name not in OF_RACES]  # terms of ever
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
-REACH = "FlexArm/Reach-v0"
+REACH, RACE = "FlexArm/Reach-v0", "FlexArm/Race-v0"
 TORQUE_LIMITS = np.array([150.0, 50.0])  # the defaults [N m]
 FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}  # only an invalid state ends an episode
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
@@ -55,7 +55,8 @@ FORESHORTENED = {"arm": "default"}
 
 def random_options(env_id: str) -> dict[str, Any]:
     """Return options with all that is random, as far as kernels have it that other tests compile."""
-    return {PAPER: CALM, SQUARE: RANDOM | POOR_SENSOR | FORESHORTENED}.get(env_id, RANDOM | POOR_SENSOR)
+    rest = {"start": "corners"} if env_id == RACE else {}  # a race begins at rest
+    return {PAPER: CALM, SQUARE: RANDOM | POOR_SENSOR | FORESHORTENED}.get(env_id, RANDOM | POOR_SENSOR | rest)
 
 
 # Each combination of sensor model, kinematics, velocity forces, law and disturbances is a kernel that a fresh clone
