@@ -1,5 +1,6 @@
 """The board: what a cell depends on, that its bits are its own, and what rows add up to."""
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,10 @@ from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.options import Options
-from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from tests.support.boards import SHORT, SMALL, points
 from tests.support.controllers import EACH_CONTROLLER
+from tests.support.envs import assert_same
 from tests.support.refusals import refuses
 
 AGENT = "square"
@@ -198,8 +199,11 @@ def test_a_controllers_rows_are_independent_to_the_last_bit(name: str) -> None:
     def actions(some: slice) -> list[Any]:
         memory, found = None, []
         for _ in range(3):
-            action, memory = policy.predict(rows[some], memory, np.full(len(rows[some]), memory is None))
+            given = memory, np.full(len(rows[some]), memory is None)
+            kept = deepcopy(given)
+            action, memory = policy.predict(rows[some], *given)
             found.append(action)
+            assert_same(given, kept)  # what is given is left as it is
         return found
 
     assert entry.independent
@@ -317,14 +321,6 @@ def test_a_faster_lap_and_the_laboratory_arm_have_plans_of_their_own() -> None:
     found = {point.value: one["episodes"][0]["figures"] for point, one in zip(column.points, result, strict=True)}
     # planned for this arm, with a regulator of its state; the rig's dry friction is not in the plan
     assert found["data sheet"]["rms"] < 1e-4 < found["measured"]["rms"] < 1e-2
-
-
-def test_settings_fit_into_one_batch_where_their_common_values_are_equal() -> None:
-    nominal = common_values(Settings.of({}))
-    alike = [{"delay": 0.1}, {"arm": {"payload_mass": 1.0}}, {"noise": 0.01}]
-    unlike = [{"arm": {"modes_per_link": 2}}, {"physics_step": 1e-3}, {"frame": "world"}, {"arm": "linear"}]
-    assert all(common_values(Settings.of(one)) == nominal for one in alike)
-    assert all(common_values(Settings.of(one)) != nominal for one in unlike)
 
 
 def test_strain_gauges_keep_their_calibration_on_an_arm_with_other_shapes() -> None:

@@ -93,15 +93,6 @@ def test_decoupled_gains_are_accelerations_of_the_rigid_arm() -> None:
     np.testing.assert_allclose(found.gains[30, :, :2], 2.0 * ARM.mass_matrix(q)[:2, :2])
 
 
-def test_episodes_of_a_batch_are_apart(tracking: JointTracking) -> None:
-    """Two sides, one of them on its way; what one does changes nothing for the other."""
-    goal = tracking.targets(-1.0, None).joints[500]
-    rows = np.stack([observed([0.2, 1.0], [0.0, 0.0], 0), observed(goal[:2], goal[2:], 500)])
-    both, _ = tracking.predict(rows)
-    for row, action in zip(rows, both, strict=True):
-        np.testing.assert_allclose(JointTracking(TASK).predict(row)[0], action, atol=1e-6)
-
-
 def test_after_a_lap_the_motion_goes_on(tracking: JointTracking) -> None:
     _, state = tracking.predict(observed([-2.4977, -0.2824], [0.0, 0.0], 0))
     assert state is not None

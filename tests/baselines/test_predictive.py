@@ -201,26 +201,6 @@ def test_an_estimate_that_loses_its_numbers_on_the_way_begins_anew() -> None:
     assert np.isfinite(following.predict(plant.observe(), (*state[:4], *lost))[0]).all()
 
 
-def test_a_batch_is_its_arms() -> None:
-    starts = START + np.array([[0.02, 0.01, 0, 0, 0, 0, 0, 0], [-0.01, 0.02, 0, 0, 0, 0, 0, 0]])
-    following, single = controller(), []
-    for start in starts:
-        *_, (action, _) = Plant(start[None]).driven(following, 6)
-        single.append(action[0])
-    plant, state = Plant(starts), None
-    for _ in range(6):
-        before = None if state is None else tuple(part.copy() for part in state)
-        observation = plant.observe()
-        action, after = following.predict(observation, state)
-        if state is not None:
-            again, _ = following.predict(observation, state)
-            assert np.array_equal(again, action)
-            assert all(np.array_equal(one, other) for one, other in zip(state, before, strict=True))
-        plant.step(action)
-        state = after
-    np.testing.assert_allclose(action, single, atol=1e-6)
-
-
 @pytest.mark.parametrize("kind", [NMPC, StateNMPC])
 def test_a_whole_turn_changes_nothing(kind: type[NMPC]) -> None:
     observation = Plant(START[None] + 0.01).observe()

@@ -9,9 +9,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_baselines.lqg import race_paced
 from flexarm_baselines.lqg.race import race_plan
-from flexarm_baselines.lqg.race_paced import LEAST, MOST, Paced, PacedLQG
+from flexarm_baselines.lqg.race_paced import CLOSER, LEAST, MOST, Paced, PacedLQG
 from flexarm_baselines.optimal import Plan
 from flexarm_baselines.predictive import Instant, contouring
 from flexarm_baselines.predictive.contouring import Prediction
@@ -65,19 +64,13 @@ def test_the_pace_makes_up_for_the_lag_of_the_tip() -> None:
     env = gymnasium.make("FlexArm/Race-v0", **PacedLQG.options())
     driver = PacedLQG.for_env(env, beginning())
     now = 50
-    for lag, pace in (
-        (0, 1.0),
-        (1, 1.0 - race_paced.CLOSER),
-        (2, 1.0 - 2.0 * race_paced.CLOSER),
-        (9, LEAST),
-        (-9, MOST),
-    ):
+    for lag, pace in ((0, 1.0), (1, 1.0 - CLOSER), (2, 1.0 - 2.0 * CLOSER), (9, LEAST), (-9, MOST)):
         after = (driver.filter.nominal[:, now + 1 - lag],)
         found = driver.pace(np.full(1, float(now)), after)
         np.testing.assert_allclose(found, pace, atol=1e-12)
 
 
-def test_contouring_gains_on_the_plan_within_limits_and_a_batch_is_as_one() -> None:
+def test_contouring_gains_on_the_plan_within_limits() -> None:
     """With a price, a prediction ends further along the plan."""
     _, (way, _, torque, _, _, instants, *_), infos = race(RaceMPCC)
     assert instants[0, 0] > 1.02 * len(infos)
@@ -86,11 +79,9 @@ def test_contouring_gains_on_the_plan_within_limits_and_a_batch_is_as_one() -> N
     envs = gymnasium.make_vec("flexarm_env:FlexArm/Race-v0", num_envs=3, **RaceMPCC.options())
     driver, free = (RaceMPCC.for_env(envs, beginning(2 * PERIODS), price=price) for price in (PRICE, 0.0))
     observations, _ = envs.reset(seed=0)
-    together = alone = None
+    together = None
     for _ in range(5):
         actions, together = driver.predict(observations, together)
-        one, alone = driver.predict(observations[1], alone)
-        np.testing.assert_allclose(one, actions[1], atol=1e-12)
         observations, *_ = envs.step(actions)
     now = Instant(np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64), together[3][:, 0], together[2], {})
     plain, priced = (one.iteration.contoured(Prediction(*together[3:6]), now).instants for one in (free, driver))

@@ -161,13 +161,3 @@ test_refusals = refused(
         r"readings: must have shape \(2, 6\)",
     ),
 )
-
-
-def test_an_estimate_is_plain_arrays() -> None:
-    """It can be kept, copied and indexed by arm, as a policy's state must be."""
-    kalman = KalmanFilter(FlexibleArm(ArmParameters.linear(modes_per_link=1)))
-    whole = kalman.start(np.zeros((3, 8)))
-    one = Estimate(*(part[1:2] for part in whole))
-    torques = np.array([[1.0, 0.5], [2.0, -1.0], [0.0, 0.0]])
-    expected = kalman.predict(whole, torques)
-    assert np.allclose(kalman.predict(one, torques[1:2]).mean, expected.mean[1:2], rtol=1e-12, atol=1e-15)
