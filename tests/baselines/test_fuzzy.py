@@ -15,7 +15,6 @@ from tests.support.refusals import refused
 Triangle = tuple[Fraction, Fraction, Fraction]
 PAPER = paper_system()
 ROUNDING = 1e-14  # the universes have width 1 to 10 and a result takes some tens of operations
-DELTAS = st.floats(-7.0, 7.0)  # past the ends of the universe
 
 
 def variable(
@@ -123,28 +122,13 @@ def test_any_system_agrees_with_rational_arithmetic(system: MamdaniSystem, data:
     assert result == pytest.approx(float(rational_evaluate(system, x)), abs=1e-13 * (high - low + 2.0))
 
 
-@pytest.mark.parametrize("width_scale", [0.75, 1.0, 1.5])
-def test_the_papers_system_agrees_with_rational_arithmetic(width_scale: float) -> None:
-    system = paper_system(width_scale)
-    axis = [-6.0, -4.1, -2.5, -1.0, 0.0, 0.7, 3.3, 5.0]
-    points = list(itertools.product(axis, axis))
-    expected = [float(rational_evaluate(system, point)) for point in points]
-    np.testing.assert_allclose(system.evaluate(points), expected, atol=1e-13, rtol=0)
-
-
 # Where one rule alone acts: ZERO, PMAX and PM have their centroids at 1/6, 5/6 and 1/2.
 @pytest.mark.parametrize(
     ("delta", "expected"), [((0.0, 0.0), 1 / 6), ((-5.0, 5.0), 5 / 6), ((5.0, 0.0), 1 / 2), ((0.0, -5.0), 1 / 2)]
 )
 def test_the_paper_system_by_hand(delta: tuple[float, float], expected: float) -> None:
     assert PAPER.evaluate(delta) == pytest.approx(expected, abs=ROUNDING)
-
-
-@given(DELTAS, DELTAS, st.floats(0.51, 20.0))
-def test_the_gain_stays_between_the_outer_centroids(d1: float, d2: float, width_scale: float) -> None:
-    low, high = PAPER_GAIN_RANGE
-    assert (low, high) == (1 / 6, 5 / 6)
-    assert low - ROUNDING <= paper_system(width_scale).evaluate([d1, d2]) <= high + ROUNDING
+    assert PAPER_GAIN_RANGE == (1 / 6, 5 / 6)
 
 
 def test_a_batch_has_the_bits_of_its_rows() -> None:

@@ -20,42 +20,22 @@ OBSERVATION = np.array([9.0, 0.75, 0.25, -0.5, -0.5, 9.0], dtype=np.float32)  # 
 
 
 class OneGain(gym.Env[Any, Any]):
-    """What a baseline reads of an environment, and a reward by which to see which gain arrived."""
+    """What a baseline reads of an environment."""
 
-    def __init__(self, gain_limit: float = 4.0, actions: int = 1) -> None:
-        self.observation_space = gym.spaces.Box(-10.0, 10.0, (6,))
+    def __init__(self, gain_limit: float = 4.0, actions: int = 1, block: str = "modal_coordinates") -> None:
         self.action_space = gym.spaces.Box(-1.0, 1.0, (actions,))
         self.gain_limit = gain_limit
-        self.observation_blocks = {"clock": slice(0, 1), "modal_coordinates": slice(1, 5)}
-        self.observation_scale = np.ones(6)
+        self.observation_blocks = {"clock": slice(0, 1), block: slice(1, 5)}
+        self.observation_scale = np.array([1.0, 0.5, 0.5, 2.0, 2.0, 1.0])
         weights = np.array([0.2, -0.2])
         # link 2 twice as flexible at its tip: a policy that mixes the links up is seen
         self.arm = SimpleNamespace(modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights)))
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        super().reset(seed=seed)
-        self.steps = 0
-        return OBSERVATION, {}
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        assert self.action_space.contains(action)
-        self.steps += 1
-        return OBSERVATION, float(gain_from_action(action, self.gain_limit)[0]), False, self.steps == 3, {}
-
-
-POLICIES = [
-    IFDC(),
-    IFDC(gain=0.35, gain_limit=2.0),
-    FLSAC(**TWO_MODES),
-    FLSAC(**TWO_MODES, K_s=1.5, scale="width"),
-    FLSAC(**TWO_MODES, K_n=0.2, K_s=6.0, gain_limit=5.0),
-]
 
 
 # --- predict ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("policy", POLICIES, ids=repr)
+@pytest.mark.parametrize("policy", [IFDC(gain=0.35, gain_limit=2.0), FLSAC(**TWO_MODES)], ids=repr)
 def test_one_observation_or_a_batch(policy: Policy) -> None:
     """What is given is left as it is, answers are new, and a memory comes back; all else is refused."""
     batch, memory = np.random.default_rng(2).normal(size=(7, 6)).astype(np.float32), (np.array([1.0]),)
@@ -86,16 +66,6 @@ def test_the_signature_is_that_of_stable_baselines3() -> None:
         assert differ == {"deterministic"}  # which theirs must be told
 
 
-def test_stable_baselines3_evaluates_a_baseline() -> None:
-    evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
-    monitor = pytest.importorskip("stable_baselines3.common.monitor")
-    env = monitor.Monitor(OneGain())
-    for policy, gain in [(IFDC.for_env(env), 1.0), (FLSAC.for_env(env, K_s=2.0), 2 * 37 / 84)]:
-        returns, lengths = evaluation.evaluate_policy(policy, env, n_eval_episodes=2, return_episode_rewards=True)
-        assert lengths == [3, 3]
-        assert returns == pytest.approx([3 * gain] * 2, rel=1e-6)
-
-
 # --- IFDC ---------------------------------------------------------------------------------------------------
 
 
@@ -105,8 +75,6 @@ def test_stable_baselines3_evaluates_a_baseline() -> None:
         (IFDC(), 1.0),  # gain 1 of at most 1
         (IFDC(gain_limit=4.0), -0.5),  # a quarter of the way from -1 to 1
         (IFDC(gain=0.0), -1.0),
-        (IFDC(gain=0.35, gain_limit=0.7), 0.0),
-        (IFDC(gain=3.0, gain_limit=3.0), 1.0),
     ],
 )
 def test_the_constant_gain(policy: IFDC, action: float) -> None:
@@ -199,7 +167,7 @@ def test_a_policy_reads_its_environment_through_wrappers_and_that_of_a_batch() -
     policy = FLSAC.for_env(env, K_n=1.0, K_s=3.0)
     assert (policy.K_n, policy.K_s, policy.gain_limit) == (1.0, 3.0, 4.0)
     assert policy.modal_slice == slice(1, 5)
-    np.testing.assert_array_equal(policy.tip_weights, [[0.2, -0.2], [0.4, -0.4]])
+    np.testing.assert_array_equal(policy.tip_weights, [[0.1, -0.1], [0.8, -0.8]])
     envs = gym.make_vec("flexarm_env:FlexArm/SquareGain-v0", num_envs=3, gain_limit=4.0)
     assert IFDC.for_env(envs).gain_limit == 4.0
     assert FLSAC.for_env(envs).predict(envs.observation_space.sample())[0].shape == (3, 1)
@@ -221,30 +189,11 @@ def test_the_own_environment_gets_the_gain_of_its_deflections(name: str, signs: 
     assert max(gains) > 1.5 * gains[0]  # bent ones
 
 
-def test_scaled_observations_are_read_as_such() -> None:
-    env = gym.make("flexarm_env:FlexArm/SquareGain-v0")
-    plain = gym.make("flexarm_env:FlexArm/SquareGain-v0", scaled=False)
-    policies = [FLSAC.for_env(each) for each in (env, plain)]
-    observations = [each.reset(seed=0)[0] for each in (env, plain)]
-    for _ in range(100):
-        actions = [policy.predict(seen)[0] for policy, seen in zip(policies, observations, strict=True)]
-        np.testing.assert_allclose(*actions, atol=1e-5)
-        observations = [each.step(actions[0])[0] for each in (env, plain)]
-    modal = env.unwrapped.observation_blocks["modal_coordinates"]
-    assert not np.allclose(observations[0][modal], observations[1][modal])
-
-
-def without_gauges() -> OneGain:
-    env = OneGain()
-    env.observation_blocks = {"joint_angles": slice(0, 2), "clock": slice(2, 3)}
-    return env
-
-
 UNFIT = (
     (lambda: gym.make("CartPole-v1"), "TypeError: must be a FlexArm environment, but .*CartPole.* has no attribute"),
     (lambda: OneGain(actions=2), r"must take one gain as action, .* got shape \(2,\)"),
     (lambda: OneGain(gain_limit=0.5), r"gain_limit = 0\.5|<= 0\.5"),
 )
-WITHOUT_GAUGES = (without_gauges, r"'modal_coordinates', .* holds \['clock', 'joint_angles'\]")
+WITHOUT_GAUGES = (lambda: OneGain(block="joint_angles"), r"'modal_coordinates', .* holds \['clock', 'joint_angles'\]")
 test_environments_without_one_gain = refused(*UNFIT, by=lambda make: IFDC.for_env(make()))
 test_environments_without_gauges = refused(*UNFIT, WITHOUT_GAUGES, by=lambda make: FLSAC.for_env(make()))
