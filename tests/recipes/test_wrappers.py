@@ -1,7 +1,6 @@
 """Gymnasium's wrappers and vectors step our environments, a row for each; what they do with them is Gymnasium's."""
 
 from collections.abc import Callable
-from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -23,7 +22,6 @@ SHORT = {"max_episode_steps": LIMIT}
 PICTURES = {"render_mode": "rgb_array"}
 FILM = {"video_folder": "films", "disable_logger": True}
 TWO = np.float32(2.0)
-ACTIONS, OBSERVATIONS = attrgetter("action_space"), attrgetter("observation_space")
 
 
 class Row(NamedTuple):
@@ -33,23 +31,16 @@ class Row(NamedTuple):
 
 
 def row(name: str, *arguments: Any, options: Any = None, inner: Any = None, **named: Any) -> Row:
-    """Return a wrapper's row; getters get arguments from what it wraps, which `inner` makes of the environment."""
+    """Return a wrapper's row; it is put around what `inner` makes of the environment."""
 
     def wrap(module: ModuleType, env: Any) -> Any:
-        env = inner(env) if inner else env
-        got = [value(env) if isinstance(value, attrgetter) else value for value in (*arguments, *named.values())]
-        own, by_name = got[: len(arguments)], dict(zip(named, got[len(arguments) :], strict=True))
-        return getattr(module, name)(env, *own, **by_name)
+        return getattr(module, name)(inner(env) if inner else env, *arguments, **named)
 
     return Row(name, wrap, options or {})
 
 
 def half(x: Any) -> Any:
     return 0.5 * x
-
-
-def less(reward: Any) -> Any:
-    return reward - 1.0
 
 
 # Those that environments and batches have by the same names.
@@ -61,21 +52,20 @@ ALIKE = (
     row("RescaleObservation", np.float32(0.0), np.float32(1.0)),
     row("NormalizeObservation"),
     row("NormalizeReward"),
-    row("TransformReward", less),
+    row("TransformReward", half),
     row("ClipReward", 0.0, 0.3),
     row("NumpyToTorch"),
     row("RecordEpisodeStatistics", options=SHORT),
     row("RecordVideo", options=PICTURES | SHORT, video_length=LIMIT, **FILM),
 )
-BARE = attrgetter("unwrapped")
 SINGLE = (
     *ALIKE,
     row("TimeLimit", LIMIT),
-    row("OrderEnforcing", inner=BARE),
-    row("PassiveEnvChecker", inner=BARE),
+    row("OrderEnforcing", inner=lambda env: env.unwrapped),
+    row("PassiveEnvChecker", inner=lambda env: env.unwrapped),
     row("Autoreset", options=SHORT),
-    row("TransformAction", np.negative, ACTIONS),
-    row("TransformObservation", half, OBSERVATIONS),
+    row("TransformAction", np.negative, None),
+    row("TransformObservation", half, None),
     row("StickyAction", 0.999),
     row("MaxAndSkipObservation", 4),
     row("RepeatAction", 4),
@@ -88,15 +78,14 @@ SINGLE = (
     row("AddRenderObservation", options=PICTURES),
     row("RenderCollection", options=PICTURES),
 )
-ITS_ACTIONS, ITS_OBSERVATIONS = attrgetter("single_action_space"), attrgetter("single_observation_space")
 BATCH = (
     *ALIKE,
     row("TransformAction", np.negative),
     row("TransformObservation", half),
-    row("VectorizeTransformAction", TransformAction, func=np.negative, action_space=ITS_ACTIONS),
-    row("VectorizeTransformObservation", TransformObservation, func=half, observation_space=ITS_OBSERVATIONS),
+    row("VectorizeTransformAction", TransformAction, func=np.negative, action_space=None),
+    row("VectorizeTransformObservation", TransformObservation, func=half, observation_space=None),
     row("FlattenObservation"),
-    row("VectorizeTransformReward", TransformReward, func=less),
+    row("VectorizeTransformReward", TransformReward, func=half),
     row("DictInfoToList"),
 )
 VECTORS: dict[str, dict[str, Any]] = {
