@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -14,21 +13,13 @@ from tests.support.programs import ROOT, run_bare
 SCREEN, WALK = 60, 40  # lines
 
 
-class Recipe(NamedTuple):
-    """A section of the page: its title, its diff and its check."""
-
-    title: str
-    diff: str
-    check: str
-
-
-def recipes() -> list[Recipe]:
+def recipes() -> dict[str, tuple[str, str]]:
+    """Return the diff and the check of each recipe, by its title."""
     section = (ROOT / "CONTRIBUTING.md").read_text().split("\n## Recipes\n")[1].split("\n## ")[0]
-    found = []
+    found = {}
     for text in section.split("\n### ")[1:]:
-        blocks = {language: re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL) for language in ("diff", "python")}
-        assert {language: len(each) for language, each in blocks.items()} == {"diff": 1, "python": 1}, text
-        found.append(Recipe(text.splitlines()[0], blocks["diff"][0], blocks["python"][0]))
+        (diff,), (check,) = (re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL) for kind in ("diff", "python"))
+        found[text.splitlines()[0]] = diff, check
     return found
 
 
@@ -37,13 +28,10 @@ def apply(diff: str, folder: Path) -> None:
     for change in re.split(r"^diff --git .*\n", diff, flags=re.MULTILINE)[1:]:
         header, *hunks = re.split(r"^@@.*\n", change, flags=re.MULTILINE)
         path = folder / header.splitlines()[1].removeprefix("+++ b/")
-        text = path.read_text()
-        for hunk in hunks:
-            old, new = (re.sub(rf"^{other}.*\n|^.", "", hunk, flags=re.MULTILINE) for other in (r"\+", "-"))
-            assert text.count(old) == 1, f"{path.name}: a hunk fits in {text.count(old)} places"
-            text = text.replace(old, new)
-        path.write_text(text)
-    subprocess.run(["git", "apply", "--check", "--reverse"], input=diff, text=True, cwd=folder, check=True)
+        for old in (re.sub(r"^\+.*\n|^.", "", hunk, flags=re.MULTILINE) for hunk in hunks):
+            places = path.read_text().count(old)
+            assert places == 1, f"{path.name}: a hunk fits in {places} places"
+    subprocess.run(["git", "apply"], input=diff, text=True, cwd=folder, check=True)
 
 
 def test_each_line_of_the_walk_is_in_its_file() -> None:
@@ -55,16 +43,16 @@ def test_each_line_of_the_walk_is_in_its_file() -> None:
         assert code in (ROOT / "flexarm_env" / file).read_text(), f"{file} no longer holds {code!r}"
 
 
-@pytest.mark.parametrize("recipe", recipes(), ids=lambda recipe: recipe.title)
-def test_a_recipe_works(recipe: Recipe, tmp_path: Path) -> None:
-    assert len(recipe.diff.splitlines()) <= SCREEN
+@pytest.mark.parametrize(("diff", "check"), recipes().values(), ids=recipes())
+def test_a_recipe_works(diff: str, check: str, tmp_path: Path) -> None:
+    assert len(diff.splitlines()) <= SCREEN
     without = shutil.ignore_patterns("__pycache__")
     for folder in ("flexarm_env", "tests/support"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=without)
     shutil.copy(ROOT / "tests/__init__.py", tmp_path / "tests")
-    apply(recipe.diff, tmp_path)
+    apply(diff, tmp_path)
     compiled_nothing = "\nfrom flexarm_env.codegen import compiler\nassert not compiler.load.cache_info().currsize\n"
     ours = f"\nimport flexarm_env\nassert flexarm_env.__file__.startswith({str(tmp_path)!r})\n"
-    code = recipe.check + compiled_nothing + ours
+    code = check + compiled_nothing + ours
     done = run_bare(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stderr

@@ -24,12 +24,10 @@ PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder)
 MOST_BYTES = 60_000  # of a tutorial's picture
 
 
-def page_case(page: Path) -> Any:
-    marks = [pytest.mark.slow] if page in LONG else []
-    return pytest.param(page, marks=marks, id=str(page.relative_to(ROOT)))
-
-
-@pytest.mark.parametrize("page", [page_case(page) for page in PAGES])
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.slow] * (p in LONG), id=str(p.relative_to(ROOT))) for p in PAGES],
+)
 def test_steps_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The README's each alone, a page's one after the other."""
     monkeypatch.chdir(tmp_path)  # steps may write files
@@ -131,10 +129,6 @@ def test_modules_of_the_reference_have_examples() -> None:
 
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 MOST_BYTES_OF_A_NOTEBOOK = 200_000
-
-
-def test_there_are_two() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["control_engineers", "reinforcement_learning"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -5,6 +5,7 @@ import builtins
 import importlib.util
 import io
 import keyword
+import pkgutil
 import re
 import tokenize
 from collections import defaultdict
@@ -14,10 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.programs import ROOT
+from tests.support.programs import PACKAGES, ROOT
 
 FOLDERS = ("flexarm_env", "baselines", "agents", "scripts", "tests")
-IMPORTED = {"flexarm_baselines": "baselines", "flexarm_agents": "agents"}  # names of installed folders
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # What users, Gymnasium and MuJoCo call things.
@@ -97,8 +97,8 @@ def wrong(reference: str, local: set[str]) -> bool:
     if not re.fullmatch(r"[a-z_]\w*(\.\w+)+", reference) or reference.rpartition(".")[2] in WRITTEN:
         return False
     head, *tail = reference.split(".")
-    if head in ("flexarm_env", "scripts", "tests", *IMPORTED):
-        return not leads_somewhere(ROOT / IMPORTED.get(head, head), tail)
+    if head in ("scripts", "tests", *PACKAGES):
+        return not leads_somewhere(reference)
     if head in modules() and tail[0] in modules()[head]:
         return False
     ours = head in local and head not in modules()
@@ -112,16 +112,12 @@ def _is_library(name: str) -> bool:
         return True
 
 
-def leads_somewhere(folder: Path, tail: list[str]) -> bool:
-    """Whether a package's folder holds a module, and that a name."""
-    for at, name in enumerate(tail):
-        if (folder / name).is_dir():
-            folder /= name
-            continue
-        module = folder / f"{name}.py" if (folder / f"{name}.py").exists() else folder / "__init__.py"
-        rest = tail[at + 1 :] if module.stem == name else tail[at:]
-        return module.exists() and (not rest or rest[0] in top_level(module))
-    return folder.is_dir()
+def leads_somewhere(reference: str) -> bool:
+    try:
+        pkgutil.resolve_name(reference)
+    except (ImportError, AttributeError):
+        return False
+    return True
 
 
 def texts(path: Path) -> Iterator[tuple[int, str]]:

@@ -5,7 +5,6 @@ import re
 import shlex
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -28,13 +27,9 @@ LIBRARIES = {
 WITHOUT_SNIPPETS = ("README", "wrappers")
 
 
-class Fence(NamedTuple):
-    language: str  # "python" or "console"
-    text: str  # what stands in it
-
-
-def fences(page: str) -> list[Fence]:
-    return [Fence(*found) for found in FENCE.findall((FOLDER / f"{page}.md").read_text(encoding="utf-8"))]
+def fences(page: str) -> list[tuple[str, str]]:
+    """Return the language, python or console, and the text of each snippet."""
+    return FENCE.findall((FOLDER / f"{page}.md").read_text(encoding="utf-8"))
 
 
 def is_installed(module: str) -> bool:
@@ -45,11 +40,11 @@ def is_installed(module: str) -> bool:
         return False
 
 
-def commands(fence: Fence) -> list[list[str]]:
+def commands(language: str, text: str) -> list[list[str]]:
     """Return what a snippet runs; what it installs is there, or the test is skipped."""
-    if fence.language == "python":
-        return [[sys.executable, "-c", fence.text]]
-    lines = fence.text.replace("\\\n", " ").splitlines()
+    if language == "python":
+        return [[sys.executable, "-c", text]]
+    lines = text.replace("\\\n", " ").splitlines()
     found = [shlex.split(line, comments=True) for line in lines if line and not line.startswith("pip ")]
     programs = {"python": [], "flexarm": ["-c", "from flexarm_agents.commands import main; main()"]}
     return [[sys.executable, *programs[words[0]], *words[1:]] for words in found if words and words[0] in programs]
@@ -59,9 +54,9 @@ def test_every_recipe_is_tried() -> None:
     assert {path.stem for path in FOLDER.glob("*.md")} == {*LIBRARIES, *WITHOUT_SNIPPETS}
     for page in LIBRARIES:
         assert fences(page)
-        for fence in fences(page):
-            lines = fence.text.replace("\\\n", " ").splitlines()
-            assert fence.language == "python" or all(re.match(r"(pip|python|flexarm) ", line) for line in lines), page
+        for language, text in fences(page):
+            lines = text.replace("\\\n", " ").splitlines()
+            assert language == "python" or all(re.match(r"(pip|python|flexarm) ", line) for line in lines), page
 
 
 def run(command: list[str], folder: Path) -> None:
@@ -78,7 +73,7 @@ def test_recipes_of_libraries_run(page: str, tmp_path: Path) -> None:
     for name in ("agents", "docs"):
         (tmp_path / name).symlink_to(ROOT / name)  # the pages' commands are those of a clone
     for fence in fences(page):
-        for command in commands(fence):
+        for command in commands(*fence):
             run(command, tmp_path)
 
 
