@@ -33,10 +33,6 @@ def read(path: Path | str) -> Any:
     return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
 
 
-def label(path: Path) -> str:
-    return path.name
-
-
 @pytest.mark.parametrize("schema", SCHEMAS)
 def test_files_are_as_their_readers_demand(schema: str) -> None:
     command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}", *SCHEMAS[schema]]
@@ -44,7 +40,7 @@ def test_files_are_as_their_readers_demand(schema: str) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("path", WORKFLOWS, ids=label)
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
 def test_workflows_are_limited_and_call_what_exists(path: Path) -> None:
     """Each may only read by default, and each job ends."""
     workflow, text = read(path), path.read_text(encoding="utf-8")
@@ -68,7 +64,7 @@ def test_only_the_approved_job_may_publish() -> None:
     assert jobs["publish"]["needs"] == "build"
 
 
-@pytest.mark.parametrize("path", SCHEMAS["github-issue-forms"], ids=label)
+@pytest.mark.parametrize("path", SCHEMAS["github-issue-forms"], ids=lambda path: path.name)
 def test_fields_of_a_form_have_names_of_their_own(path: Path) -> None:
     names = [field["id"] for field in read(path)["body"] if field["type"] != "markdown"]
     assert len(set(names)) == len(names)

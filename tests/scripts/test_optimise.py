@@ -126,9 +126,6 @@ def test_a_slower_race_has_the_speeds_of_the_fast_one_divided() -> None:
 # --- the design of LQG for a set of plants ---------------------------------------------------------------------------
 
 
-NOMINAL = {"payload_mass": 0.0, "stiffness": 1.0, "damping": 0.01, "actuation_delay": 0.0}
-
-
 @pytest.mark.parametrize("scale", [0.5, 2.0])
 def test_decay_on_the_model_is_that_of_the_slower_of_filter_and_regulator(
     monkeypatch: pytest.MonkeyPatch, scale: float
@@ -137,7 +134,8 @@ def test_decay_on_the_model_is_that_of_the_slower_of_filter_and_regulator(
     controller = LQG(nominal_task())
     gain = scale * controller.regulator.gain  # twice the gain is too much for torques that are held
     controller.regulator = replace(controller.regulator, gain=gain)
-    box = {**NOMINAL, "delay": controller.task.delay}
+    box = {"payload_mass": 0.0, "stiffness": 1.0, "damping": 0.01, "actuation_delay": 0.0}
+    box["delay"] = controller.task.delay
     monkeypatch.setattr(robust, "BOX", {name: (value, value) for name, value in box.items()})
     (plant,) = plants(controller.task, controller.plans, 1)
     parts = {"state": np.ones(plant.matrix.shape[-1]), "error": np.ones(plant.matrix.shape[-1])}

@@ -121,7 +121,8 @@ def test_a_signal_that_the_caller_ignores_ends_what_a_test_starts(number: signal
         signal.signal(number, before)
 
 
-def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
+def test_an_error_ends_the_pools_workers_and_threads_and_no_other_child() -> None:
+    """A thread that went on could close, while the interpreter ends, what that writes to."""
     children = [multiprocessing.get_context("spawn").Process(target=time.sleep, args=(600.0,)) for _ in range(2)]
     workers: list[int] = []
 
@@ -129,13 +130,16 @@ def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
         with worker_pool(1) as pool:
             workers.append(pool.submit(os.getpid).result())
             children[1].start()
+            pool.submit(time.sleep, 600.0)
             raise KeyError
 
+    threads = set(threading.enumerate())
     try:
         children[0].start()
         with pytest.raises(KeyError):
             work()
         assert not is_running(*workers)
+        assert set(threading.enumerate()) <= threads
         assert all(child.is_alive() for child in children)
     finally:
         for child in children:
@@ -209,21 +213,6 @@ def test_a_signal_that_comes_with_the_line_ends_the_wait(monkeypatch: pytest.Mon
         assert not job.done()
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def test_no_thread_of_a_pool_outlives_an_error() -> None:
-    """One that did could close, while the interpreter ends, what that writes to."""
-
-    def fails() -> None:
-        with worker_pool(1) as pool:
-            pool.submit(time.sleep, 0.0).result()
-            pool.submit(time.sleep, 600.0)
-            raise KeyError
-
-    before = set(threading.enumerate())
-    with pytest.raises(KeyError):
-        fails()
-    assert set(threading.enumerate()) <= before
 
 
 def test_workers_end_with_a_killed_parent_and_the_next_run_sweeps(running: Running) -> None:

@@ -6,14 +6,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
 import pytest
 
 from flexarm_agents import PPOConfig, StandardScore, config_of, load_policy, train
 from flexarm_agents.files import write_json
+from flexarm_agents.jobs.executors import _run_share
 from flexarm_agents.policies.load import POLICIES
 from scripts import train as sweep
 from scripts.common.trainings import Training, trained
@@ -23,20 +23,6 @@ from scripts.shipped.trainings import export, median
 from tests.support.programs import ROOT
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY, row, same_policy
-
-
-class InProcess:
-    def __init__(self, *given: Any) -> None:
-        """Take what `executor` takes."""
-
-    def run(
-        self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False
-    ) -> Iterator[tuple[int, Any]]:
-        for n, job in reversed(list(enumerate(jobs))):
-            try:
-                yield n, function(job)
-            except ValueError as error:
-                yield n, error
 
 
 def test_seeds_are_numbers_and_ranges() -> None:
@@ -65,7 +51,8 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
-    monkeypatch.setattr(sweep, "executor", InProcess)
+    here = SimpleNamespace(run=lambda function, jobs, stoppable: reversed([*enumerate(_run_share(function, jobs))]))
+    monkeypatch.setattr(sweep, "executor", lambda *given: here)
     base = PPOConfig(**TINY)
     options = sweep.Options("0-1", tmp_path / "sweep.json", tmp_path / "out")
     monkeypatch.setattr(sweep, "read", lambda: (base, options))
