@@ -151,11 +151,10 @@ GOALS: dict[str, dict[str, tuple[float, float]]] = {
 }
 
 
-LONG = ("filtered",)  # its backup is designed in many seconds
-
-
 @pytest.mark.compiled  # whole laps
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in shipped_policies()])
+@pytest.mark.parametrize(  # the backup of `filtered` is designed in many seconds
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "filtered")) for n in shipped_policies()]
+)
 def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
     trained = load_policy(name)
     path = Path(flexarm_agents.policies.load.POLICIES) / f"{name}.npz"

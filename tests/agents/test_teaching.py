@@ -83,23 +83,14 @@ def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
         lap_plans(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"action_mode": "residual"},
-        {"reference": "circle"},
-        {"direction": "either"},
-        {"control_period": 0.02},
-        {"side": 10.0},
-        {"lap_time": 20.0},
-        {"start_corner": "upper left"},
-        {"torque_limit": (200.0, 80.0)},
-    ],
-)
-def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> None:
-    (name,) = options
+OTHER_TASKS = {"action_mode": "residual", "reference": "circle", "direction": "either", "control_period": 0.02}
+OTHER_TASKS |= {"side": 10.0, "lap_time": 20.0, "start_corner": "upper left", "torque_limit": (200.0, 80.0)}
+
+
+@pytest.mark.parametrize("name", OTHER_TASKS)
+def test_other_tasks_are_refused(tmp_path: Path, name: str) -> None:
     with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
-        Teacher.of(DAggerConfig(), Settings.of(options), tmp_path)
+        Teacher.of(DAggerConfig(), Settings.of({name: OTHER_TASKS[name]}), tmp_path)
 
 
 def test_plans_are_for_the_environments_own_corners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

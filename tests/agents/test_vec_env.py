@@ -38,10 +38,6 @@ def env() -> Iterator[FlexArmVecEnv]:
     made.close()
 
 
-def actions(rng: np.random.Generator) -> np.ndarray:
-    return np.clip(rng.normal(size=(COUNT, 2)), -1.0, 1.0).astype(np.float32)
-
-
 # Kernels with noise that no other test compiles.
 OTHERS = [pytest.param(f"{name}-v0", marks=pytest.mark.slow) for name in ("SquareGain", "SquareResidual", "Reach")]
 
@@ -86,7 +82,7 @@ def test_only_what_ended_carries_an_info() -> None:
         env.seed(1)
         env.reset()
     for _ in range(2 * LIMIT):
-        torque = actions(rng)
+        torque = rng.uniform(-1.0, 1.0, (COUNT, 2)).astype(np.float32)
         mine, all_infos = some.step(torque), every.step(torque)
         for done, info, full in zip(mine[2], mine[3], all_infos[3], strict=True):
             assert_same(info, full if done else {})
