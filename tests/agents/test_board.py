@@ -21,6 +21,7 @@ from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.options import Options
+from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from tests.support.boards import SHORT, SMALL, points
 from tests.support.controllers import EACH_CONTROLLER
@@ -321,6 +322,14 @@ def test_a_faster_lap_and_the_laboratory_arm_have_plans_of_their_own() -> None:
     found = {point.value: one["episodes"][0]["figures"] for point, one in zip(column.points, result, strict=True)}
     # planned for this arm, with a regulator of its state; the rig's dry friction is not in the plan
     assert found["data sheet"]["rms"] < 1e-4 < found["measured"]["rms"] < 1e-2
+
+
+def test_settings_fit_into_one_batch_where_their_common_values_are_equal() -> None:
+    nominal = common_values(Settings.of({}))
+    alike = [{"delay": 0.1}, {"arm": {"payload_mass": 1.0}}, {"noise": 0.01}]
+    unlike = [{"arm": {"modes_per_link": 2}}, {"physics_step": 1e-3}, {"frame": "world"}, {"arm": "linear"}]
+    assert all(common_values(Settings.of(one)) == nominal for one in alike)
+    assert all(common_values(Settings.of(one)) != nominal for one in unlike)
 
 
 def test_strain_gauges_keep_their_calibration_on_an_arm_with_other_shapes() -> None:
