@@ -131,6 +131,10 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 MOST_BYTES_OF_A_NOTEBOOK = 200_000
 
 
+def test_there_are_two() -> None:
+    assert [path.stem for path in NOTEBOOKS] == ["control_engineers", "reinforcement_learning"]
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_small_and_has_its_outputs_and_its_links_lead_somewhere(path: Path) -> None:
     nbformat = pytest.importorskip("nbformat", reason="the extra `test` brings it, with nbclient")

@@ -241,6 +241,10 @@ def test_arguments_of_a_batch() -> None:
     assert [bare(row["argument"]) for row in table] == [name for name in own if name not in ("self", "options")]
 
 
+def test_no_limit_is_told_as_none() -> None:
+    assert documentation.figure(np.inf) == "none"
+
+
 @pytest.mark.parametrize("name", to_beat.BY_ID)
 def test_a_page_begins_with_the_best_entry_that_needs_no_true_state(name: str) -> None:
     named = set(re.findall(r"`([^`]*)`", to_beat.best(name)))
