@@ -14,7 +14,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.physics import sensing
 from tests.support.envs import Array
 from tests.support.plain import PlainEnvironment
-from tests.support.refusals import refused, refuses
+from tests.support.refusals import refuses
 
 ONE_MODE = {"arm": {"modes_per_link": 1}}
 FURTHER_SENSORS = {
@@ -134,9 +134,3 @@ def test_a_plant_that_inherits_what_the_protocol_has_cannot_be_copied(name: str)
     hosted = HostedSimulator(Settings.of(ONE_MODE), plant(Settings.of(ONE_MODE)))
     with refuses(NotImplementedError, f"Stub has no {name}: states of this environment cannot be copied"):
         hosted.get_states(np.zeros(1, dtype=np.int64), np.zeros((1, 5), dtype=np.uint64))
-
-
-test_a_law_within_the_compiled_arm_is_refused = refused(
-    *((mode, f"action_mode = '{mode}': its law acts within the compiled arm") for mode in ("residual", "reference")),
-    by=lambda mode: started({"action_mode": mode}),
-)
