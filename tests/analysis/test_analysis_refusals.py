@@ -122,10 +122,7 @@ test_bad_input_is_refused = refused(
     (lambda: plant(tip(delay=0.1)).pade(0), "order = 0"),
     (lambda: link_zeros(LINEAR, 1, 0.0), "position = 0.0"),
     # frequencies
-    (
-        lambda: frequency_response(plant(), [0.0, 1.0]),
-        r"s = 0j rad/s: is a pole of the arm at theta = \(0, 1\) rad",
-    ),
+    (lambda: frequency_response(plant(), [0.0, 1.0]), r"s = 0j rad/s: is a pole of the arm at theta = \(0, 1\) rad"),
     (lambda: bode(plant(), [-1.0, 2.0]), r"omega = \[-1\.0, 2\.0\]: must be > 0 and increasing"),
     (lambda: bode(plant(), [2.0, 1.0]), r"omega = \[2\.0, 1\.0\]: must be"),
     (lambda: bode(plant(), []), r"omega = \[\]: must be"),

@@ -10,7 +10,6 @@ from flexarm_env.analysis import (
     GainInterval,
     LawLoop,
     crossing_delays,
-    crossing_gains,
     delay_margin,
     delay_roots,
     gain_margin,
@@ -36,11 +35,12 @@ def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PA
 
 
 @pytest.mark.parametrize("position", [4.5, 0.5])
-@pytest.mark.parametrize("reference", [CORNER, SIDE])
-def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float]) -> None:
+@pytest.mark.parametrize(("reference", "branch"), [(CORNER, "positive"), (SIDE, "negative")])
+def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float], branch: str) -> None:
     """By the angles now, by late ones, and by the rates; the stretched arm's remaining error included."""
     law = LawParameters()
-    case = law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7)
+    case = law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7, elbow_branch=branch)
+    assert np.sign(case.point.q[1]) == (0.0 if position == 0.5 else -1.0 if branch == "negative" else 1.0)
 
     def by_angles(theta: np.ndarray) -> np.ndarray:
         one, both = theta[0], theta[0] + theta[1]
@@ -59,16 +59,6 @@ def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tup
     terms = (case.current.P, case.shoulder.P + case.elbow.P, case.current.V)
     expected = np.hstack([-0.7 * term[:, :2] for term in terms])
     np.testing.assert_allclose(jacobian(torque, rest), expected, rtol=1e-9, atol=1e-9)
-
-
-def test_every_corner_and_both_branches_have_the_same_margins() -> None:
-    """They hang on the distance from the shoulder alone."""
-    margins = [
-        delay_margin(law_loop(PAPER, reference, SensorParameters(), elbow_branch=branch)).delay
-        for reference in ((-6.3, -2.0), (6.3, 2.0), (2.0, 6.3), (-2.0, -6.3))
-        for branch in ("positive", "negative")
-    ]
-    np.testing.assert_allclose(margins, margins[0], rtol=1e-8)
 
 
 @pytest.mark.parametrize("delayed", DELAYED)
@@ -135,24 +125,6 @@ def test_a_loop_in_which_nothing_is_late_has_no_crossings() -> None:
     assert crossing_delays(case) == []
 
 
-def test_one_joint_has_the_textbook_margin() -> None:
-    """A stiff arm held by the law at lambda -> 0 is a double integrator under PD: a formula for its delay margin.
-
-    With ``a = Kp |J|^2 / M`` and ``b = Kd |J|^2 / M`` for the slow rigid motion, position and rate late: crossing at
-    ``omega^4 = a^2 + b^2 omega^2``, margin ``arctan(b omega / a) / omega``.
-    """
-    stiff = FlexibleArm(ArmParameters.linear(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
-    case = law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
-    inertia = np.linalg.inv(stiff.mass_matrix(case.point.q)[:2, :2])  # inverse, of the unbent arm
-    values = np.linalg.eigvals(1e-2 * inertia @ (case.shoulder.V + case.elbow.V)[:, :2])
-    margins = []
-    for b in values.real:
-        a = b * 150.79 / 17.364
-        omega = np.sqrt((b**2 + np.sqrt(b**4 + 4.0 * a**2)) / 2.0)
-        margins.append(np.arctan(b * omega / a) / omega)
-    assert delay_margin(case).delay == pytest.approx(min(margins), rel=1e-2)
-
-
 @pytest.mark.parametrize("modes", [1, 2, 4])
 @pytest.mark.parametrize("delay", [0.03, 0.11])
 def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float) -> None:
@@ -200,16 +172,6 @@ def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none(
     assert high == pytest.approx(0.00295, rel=0.01)
     below, above = (delay_roots(case.with_gain(share * high), 60).rightmost for share in (0.98, 1.02))
     assert below.real < 0.0 < above.real
-
-
-def test_crossings_lie_on_the_axis() -> None:
-    case = loop(position=0.5)
-    for crossing in crossing_delays(case)[:3]:
-        transfer = case.with_delay(crossing.delay).loop_transfer(np.array([crossing.omega]))[0]
-        assert abs(np.linalg.det(np.eye(2) + transfer)) < 1e-8
-    for at_gain in crossing_gains(case)[:3]:
-        transfer = case.loop_transfer(np.array([at_gain.omega]))[0]
-        assert abs(np.linalg.det(np.eye(2) + at_gain.factor * transfer)) < 1e-6
 
 
 def test_slope_of_the_loop_is_its_derivative() -> None:

@@ -27,7 +27,6 @@ from flexarm_env.analysis import (
     strain,
     tip,
     true_point,
-    zeros,
 )
 from flexarm_env.extras import install_command
 from flexarm_env.physics.damping import clamped_ratio
@@ -121,17 +120,6 @@ def test_the_band_of_a_bode_plot_is_that_of_the_arm() -> None:
     for other in (behind_motors(plant, (0.5, 1e-4)), plant.pade(8)):
         np.testing.assert_array_equal(bode(other)[0].omega, omega)
     plt.close("all")
-
-
-def test_singular_values_vanish_at_the_zeros() -> None:
-    """Undamped, those of the joint angles lie on the axis, and feedback of the tip has its zero at 33.10 rad/s."""
-    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=0.0))
-    point = OperatingPoint.at_point(arm, (-6.3, 6.3))
-    plant = linear_plant(point, joint_angles())
-    at = [z for z in zeros(plant).values.imag if z > 0.0]
-    response = frequency_response(plant, [*at, 1.1 * at[0]])
-    assert (response.singular_values[:-1, -1] < 1e-9 * response.singular_values[-1, -1]).all()
-    assert np.linalg.svd(linear_plant(point, tip()).at(33.10), compute_uv=False)[-1] < 1e-8
 
 
 def test_a_matlab_file_has_the_plant(tmp_path: Path) -> None:
