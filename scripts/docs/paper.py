@@ -36,11 +36,7 @@ class Options:
 
 
 def written(page: str, results: Path) -> str:
-    """Write the generated tables and the quoted figures of a page's text anew.
-
-    Raises:
-        ValueError: if the results lack a table.
-    """
+    """Write the generated tables and the quoted figures of a page's text anew."""
     tables = kept_tables(results)
     if lacking := blocks(page).keys() - tables.keys():
         raise ValueError(f"results = {results}: lack the tables {', '.join(sorted(lacking))}")

@@ -11,10 +11,7 @@ from scripts.common.markdown import span
 
 
 def of_validation(record: dict[str, Any]) -> dict[str, Any]:
-    """Return the figures of the pages that quote the validation (`scripts.docs.validation`).
-
-    Args:
-        record: content of docs/validation.json.
+    """Return the figures of the pages that quote the validation, from the content of docs/validation.json.
 
     Returns:
         The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
@@ -42,9 +39,6 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
 
 def of_reproduction(results: Path) -> dict[str, Any]:
     """Return the figures of docs/reproduction.md, as functions that name a run and return a text.
-
-    Args:
-        results: a complete folder of `make reproduce`.
 
     Returns:
         `claims`: how many have a verdict, or how many there are; `over` and `rms`: overshoot and r.m.s. error [m] of a

@@ -50,11 +50,7 @@ class Options:
 
 
 def read_parameters(path: Path | None) -> dict[str, Any]:
-    """Read fields of `ArmParameters` from a file.
-
-    Raises:
-        ValueError: for another kind of file or an unknown field.
-    """
+    """Read fields of `ArmParameters` from a file."""
     if path is None:
         return {}
     if path.suffix not in (".json", ".toml"):

@@ -75,11 +75,7 @@ class Study:
     arm_changes: dict[str, Any] = field(default_factory=dict)  # fields of `ArmParameters` set in every column
 
     def __post_init__(self) -> None:
-        """Validate.
-
-        Raises:
-            ValueError: for a value out of range, or a lap that is no whole number of control periods.
-        """
+        """Validate."""
         number("K_s", self.K_s, above=0.0)
         number("K_n", self.K_n, above=0.0)
         lap = number("lap_time", self.lap_time, "s", above=0.0)
@@ -120,15 +116,9 @@ def simulate(
     steps: int | None = None,
     rate_jacobian: str = "delayed",
 ) -> list[Trajectory]:
-    """Run a batch from rest on the start corner.
+    """Run a batch from rest on the start corner, with options of each run's environment, which have the same names.
 
-    Args:
-        study: the study.
-        column: the arm.
-        options: of the environment of each run; all have the same names.
-        policies: of each run.
-        steps: control periods; None for one lap.
-        rate_jacobian: option of all runs.
+    Without `steps`, the number of control periods, it is one lap.
     """
     envs = gymnasium.make_vec(
         PAPER,
@@ -144,13 +134,7 @@ def simulate(
 
 
 def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path) -> dict[str, float]:
-    """Make a column's runs, then the constant gains equal to FLSAC's means, and save them as npz files.
-
-    Args:
-        study: the study.
-        name: of the column.
-        cases: which runs.
-        folder: for the files, `<column>__<case>.npz`.
+    """Make a column's runs, then the constant gains equal to FLSAC's means, and save them as `<column>__<case>.npz`.
 
     Returns:
         Clock time of the batch of runs, policies included, and its share of one run [s]; compilation not counted, but

@@ -42,11 +42,7 @@ class Claim:
         return self.check({name: m[name] for name in names}, d, controller)
 
     def find_on_one_side(self, m: Measures, d: Differences, controller: str) -> tuple[Finding | None, list[str]]:
-        """Decide from those of its runs whose elbow has not changed sides when the part looked at ends.
-
-        Returns:
-            What was found, None if these runs do not decide it; and their names.
-        """
+        """Decide from those of its runs whose elbow keeps its side in the part looked at; return their names, too."""
         kept = [name for name in self.runs(controller) if self._keeps_side(m[name])]
         try:
             return self.check({name: m[name] for name in kept}, d, controller), kept

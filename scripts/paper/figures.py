@@ -21,10 +21,7 @@ STYLE: dict[str, dict[str, Any]] = {
     "nmp": {"color": ORANGE, "linestyle": "-", "label": "noncollocated"},
     "corrected": {"color": INK, "linestyle": (0, (2, 2.5)), "label": "noncollocated, corrected"},
 }
-OVERLAID = {
-    "tip": " (on the same path)",
-    "elbow": " (all three nearly coincide)",
-}  # what the dashed line shows, by place
+OVERLAID = {"tip": " (on the same path)", "elbow": " (all three nearly coincide)"}  # the dashed line, by place
 REFERENCE: dict[str, Any] = {"color": SOFT, "linestyle": ":", "linewidth": 1.4, "label": "reference"}
 CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
 LINKS = (BLUE, ORANGE)
@@ -55,24 +52,17 @@ def fuzzy_sets() -> Figure:
 def paths(runs: dict[str, Trajectory], controller: str, place: str, zoom: float | None, title: str) -> Figure:
     """Draw figures 5 to 7: the three sensings superposed; left the paper's tip, right the true one.
 
-    Args:
-        runs: of one column, by case name; one at least of this controller and place.
-        controller: "ifdc" or "flsac".
-        place: "tip" or "elbow".
-        zoom: half width of the view around the first direction switch [m]; None for the whole square.
-        title: of the figure.
+    At least one run must be of this controller and place. `zoom` is half the width of the view around the first
+    direction switch [m]; None: the whole square.
     """
-    chosen: dict[str, Trajectory] = {
-        s: runs[f"{controller}_{s}_{place}"] for s in SENSINGS if f"{controller}_{s}_{place}" in runs
-    }
+    chosen: dict[str, Trajectory] = {s: run for s in SENSINGS if (run := runs.get(f"{controller}_{s}_{place}"))}
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.0), sharex=True, sharey=True)
-    for axis, tip in zip(axes, ("rigid", "true"), strict=True):
+    for axis, tip in zip(axes, ("rigid_tip", "tip"), strict=True):
         reference = next(iter(chosen.values())).reference
         assert reference is not None
         axis.plot(*reference.T, **REFERENCE)
         for sensing, run in chosen.items():
-            path = run.rigid_tip if tip == "rigid" else run.tip
-            (line,) = axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
+            (line,) = axis.plot(*getattr(run, tip)[::THIN].T, linewidth=1.5, **STYLE[sensing])
             if sensing == "corrected" and len(chosen) == len(SENSINGS):
                 line.set_label(f"{line.get_label()}{OVERLAID[place]}")
         if place == "tip":  # with the other sensor the stretched arm swings through the straight pose all the time
@@ -98,7 +88,7 @@ def _mark_changes(axis: Axes, runs: dict[str, Trajectory], tip: str, zoom: float
     """Mark the tip when the elbow changes sides; on the whole square with the time of the first run to do so."""
     labelled: list[float] = []
     for sensing, run in runs.items():
-        path = run.rigid_tip if tip == "rigid" else run.tip
+        path = getattr(run, tip)
         for change in elbow_changes(run):
             at = path[np.argmin(np.abs(run.time - change))]
             if zoom is not None and np.abs(at - [-6.3, 6.3]).max() > zoom:
@@ -121,8 +111,7 @@ def _show_direction(axis: Axes, reference: Array, runs: dict[str, Trajectory], t
     for sensing, run in runs.items():
         if sensing == "corrected" and "nmp" in runs:
             continue  # lies on top of NMP's
-        path = run.rigid_tip if tip == "rigid" else run.tip
-        quarters = np.arange(3.5, 5.51, 0.25) / 16.0 * run.time[-1]
+        path, quarters = getattr(run, tip), np.arange(3.5, 5.51, 0.25) / 16.0 * run.time[-1]
         for number, time in enumerate(quarters):
             at = path[np.argmin(np.abs(run.time - time))]
             axis.plot(*at, "o", color=STYLE[sensing]["color"], markersize=5, zorder=4)
@@ -135,8 +124,7 @@ def _inset_of_the_start(axis: Axes, runs: dict[str, Trajectory], tip: str) -> No
     """Draw the start of the circle larger, in the empty middle of the square."""
     inset = axis.inset_axes((0.36, 0.25, 0.34, 0.5))
     for sensing, run in runs.items():
-        path = run.rigid_tip if tip == "rigid" else run.tip
-        inset.plot(*path[:4000].T, linewidth=1.1, **STYLE[sensing])
+        inset.plot(*getattr(run, tip)[:4000].T, linewidth=1.1, **STYLE[sensing])
     inset.set(xlim=(-9.3, -6.0), ylim=(-6.9, -1.5), xticks=(-9, -7), yticks=(-6, -4, -2), title="first 4 s [m]")
     inset.set_aspect("equal")
     axis.indicate_inset_zoom(inset, edgecolor=SOFT)
@@ -189,9 +177,8 @@ def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
 def rigid_and_true(runs: dict[str, dict[str, Trajectory]]) -> Figure:
     """Draw error against time by the joints and at the tip, for the paper's arm and the linear arm."""
     columns = [name for name in ("paper", "linear") if name in runs]
-    figure, axes = plt.subplots(
-        len(columns), 2, figsize=(WIDTH, 0.9 + 2.6 * len(columns)), sharex=True, sharey=True, squeeze=False
-    )
+    size = (WIDTH, 0.9 + 2.6 * len(columns))
+    figure, axes = plt.subplots(len(columns), 2, figsize=size, sharex=True, sharey=True, squeeze=False)
     for row, column in zip(axes, columns, strict=True):
         for axis, controller in zip(row, CONTROLLER, strict=True):
             run = runs[column].get(f"{controller}_collocated_tip")

@@ -52,9 +52,7 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
 def _along(run: Trajectory, knots: Array) -> float:
     """Return how far along the next side the rigid tip is where its overshoot is largest [m].
 
-    Args:
-        run: the run.
-        knots: time and place of the corner before, of the corner, and of the next. Shape (3, 3).
+    Knots are time and place of the corner before, of the corner, and of the next. Shape (3, 3).
     """
     (_, before), (switch, corner), (end, after) = ((knot[0], knot[1:]) for knot in knots)
     inside = (run.time >= switch) & (run.time <= end)

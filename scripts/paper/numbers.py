@@ -36,11 +36,7 @@ def numbers() -> list[Number]:
 
 
 def clock_numbers(clock: float) -> list[Number]:
-    """Return the clock time of a run beside the paper's.
-
-    Args:
-        clock: of one run [s].
-    """
+    """Return the clock time of a run [s] beside the paper's."""
     note = "a run's share of the batch of both controllers' runs, measured beside another worker process"
     return [
         Number(f"clock time of a run, {name.upper()}", "s", "end of sec. 4", paper, clock, note)

@@ -42,12 +42,8 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
 def _decide(study: Study, folder: Path, rows: list[dict[str, Any]], clocks: Mapping[str, float], whole: bool) -> None:
     """Write summary, numbers, claims and sweeps, as JSON and as Markdown.
 
-    Args:
-        study: see `reproduce`.
-        folder: see `reproduce`.
-        rows: of the sweeps.
-        clocks: time of one run of each column [s].
-        whole: all twelve cases were run, so that claims can be decided.
+    `rows` are those of the sweeps, `clocks` the time of one run of each column [s]. The claims need the `whole` of the
+    twelve cases.
     """
     found: dict[str, dict[str, dict[str, Any]]] = {}
     apart = {}

@@ -8,7 +8,7 @@ from typing import Any
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env import FlexibleArm
 from flexarm_env.physics.damping import unit_damping
-from scripts.paper.cases import COLUMNS, PLACES, SENSINGS, Case, Column, Study, simulate
+from scripts.paper.cases import COLUMNS, Case, Column, Study, all_cases, simulate
 from scripts.paper.measures import measures
 
 GAINS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0)
@@ -32,10 +32,6 @@ class Run:
     options: dict[str, Any] = field(default_factory=dict)  # further ones of the environment
 
 
-def _cases(controller: str, sensings: Sequence[str], places: Sequence[str] = PLACES) -> list[Case]:
-    return [Case(controller, sensing, place) for place in places for sensing in sensings]
-
-
 def _alternatives(readings: dict[str, dict[str, Any]]) -> list[Run]:
     """List the runs with readings of the law, the end effector's sensor, and each controller."""
     policies: dict[str, str | dict[str, Any]] = {"ifdc": "ifdc", "flsac": {}}
@@ -46,10 +42,9 @@ def _alternatives(readings: dict[str, dict[str, Any]]) -> list[Run]:
     ]
 
 
-def _true_tip(delay: str) -> list[Run]:
-    """List the runs of the law on the physical tip; undelayed, or late by the wave's travel."""
-    case = Case("constant", "nmp", "tip")
-    options = {"sensor": "true", "delay": 0.0 if delay == "none" else None}
+def _true_tip(delay: float | None) -> list[Run]:
+    """List the runs of the law on the physical tip; None: late by the wave's travel."""
+    case, options = Case("constant", "nmp", "tip"), {"sensor": "true", "delay": delay}
     return [Run(v, case, "ifdc", v, options) for v in TRUE_TIP_GAINS]
 
 
@@ -68,27 +63,23 @@ READINGS: dict[str, dict[str, Any]] = {  # of the law
     "rates delayed too": {"delayed": "position+rate"},
     "rates delayed too, by 1.2 ms only": {"delayed": "position+rate", "delay": SHORT_DELAY},
 }
-PAPER, LATE = {"paper": COLUMNS["paper"]}, _cases("flsac", ("collocated", "nmp"))
-SCALED = [*_cases("flsac", SENSINGS, ("tip",)), Case("flsac", "nmp", "elbow")]
+PAPER, LATE = {"paper": COLUMNS["paper"]}, all_cases(["flsac"], ("collocated", "nmp"))
+SCALED = [*all_cases(["flsac"], places=["tip"]), Case("flsac", "nmp", "elbow")]
 # name -> arms, and the runs made with each
 SWEEPS: dict[str, tuple[dict[str, Column], list[Run]]] = {
-    "constant_gain": (PAPER, [Run(v, case, "ifdc", v) for v in GAINS for case in _cases("constant", SENSINGS)]),
+    "constant_gain": (PAPER, [Run(v, case, "ifdc", v) for v in GAINS for case in all_cases(["constant"])]),
     "K_s": (PAPER, [Run(v, case, {}, v) for v in OUTPUT_SCALES for case in SCALED]),
     "K_n": (PAPER, [Run(v, case, {"K_n": v}) for v in NORMALISERS for case in LATE]),
     "width_scale": (PAPER, [Run(v, case, {"K_s": v, "scale": "width"}) for v in WIDTH_SCALES for case in LATE]),
     "alternatives": (PAPER, _alternatives(READINGS)),
     "current_jacobian": (PAPER, _alternatives({"rates through the current Jacobian": {}})),
-    "true_tip_feedback": (_columns_for_true_tip(), _true_tip("none")),
-    "late_true_tip_feedback": (_columns_for_true_tip((0.01,)), _true_tip("wave")),
+    "true_tip_feedback": (_columns_for_true_tip(), _true_tip(0.0)),
+    "late_true_tip_feedback": (_columns_for_true_tip((0.01,)), _true_tip(None)),
 }
 
 
 def run_sweep(study: Study, name: str) -> list[dict[str, Any]]:
-    """Make a sweep's runs.
-
-    Returns:
-        A row for each run: sweep, arm, value, controller, sensing, place, and the run's `measures`.
-    """
+    """Make a sweep's runs; return a row for each: sweep, arm, value, its case, and its `measures`."""
     columns, runs = SWEEPS[name]
     rows = []
     for arm_name, column in columns.items():

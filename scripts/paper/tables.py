@@ -25,10 +25,7 @@ def everything(
 ) -> dict[str, str]:
     """Return all tables and paragraphs, by the names of the blocks that show them.
 
-    Args:
-        found: measures of the runs by column and case.
-        rows: of the sweeps; empty if they were not made.
-        decided: rows of claims.json; empty if they were not decided.
+    They are made of measures by column and case, and of rows of the sweeps and of claims.json, if there are any.
     """
     texts = {f"summary_{column}": runs(found, column) for column in found}
     texts |= {"reach": reach(found["paper"], Workspace()), "numbers": numbers([n.as_json() for n in printed_numbers()])}
@@ -56,10 +53,6 @@ def brief(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.2g}" if 0.0 < abs(value) < 0.095 else f"{value:.2f}"
     return str(value)
-
-
-def _shown(values: dict[str, Any]) -> str:
-    return brief({k: v for k, v in values.items() if k != "under_condition"})
 
 
 def one_side(rows: Sequence[dict[str, Any]]) -> str:
@@ -130,7 +123,8 @@ def claims(rows: Sequence[dict[str, Any]]) -> str:
     body = []
     for r in rows:
         measure = ". ".join(text.rstrip(".") for text in (r["measure"], r["note"]) if text)
-        body.append([r["id"], r["quote"], _verdict(r), measure, _shown(r["values"]["paper"])])
+        shown = {name: value for name, value in r["values"]["paper"].items() if name != "under_condition"}
+        body.append([r["id"], r["quote"], _verdict(r), measure, brief(shown)])
     return table(("claim", "the paper's sentence", "verdict", "measure", "figures on the paper's arm"), body)
 
 

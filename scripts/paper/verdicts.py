@@ -28,13 +28,9 @@ def decide(
     sweep: list[dict[str, Any]],
     titles: dict[str, str],
 ) -> list[dict[str, Any]]:
-    """Decide all claims, as rows of claims.json.
+    """Decide all claims, as rows of claims.json, from measures by column and case name.
 
-    Args:
-        table: measures by column and case name.
-        differences: path differences by column.
-        sweep: rows of the sweep "constant_gain" (the paper's arm); may be empty.
-        titles: titles of the columns.
+    `sweep` has the rows of the sweep "constant_gain" (the paper's arm); it may be empty.
     """
     rows = []
     for claim in CLAIMS:
