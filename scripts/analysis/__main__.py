@@ -43,12 +43,10 @@ STUDIES = {
     ),
 }
 
-TEXT = "Find poles, zeros, passivity and margins of the arm, with figures and JSON."
-
 
 def main() -> None:
     """Command line."""
-    command("analysis", STUDIES, TEXT)
+    command("analysis", STUDIES, "Find poles, zeros, passivity and margins of the arm, with figures and JSON.")
 
 
 if __name__ == "__main__":

@@ -84,12 +84,8 @@ def law() -> dict[str, Any]:
     gains, delay = LawParameters(), 9.0 / WAVE_SPEED
     omega = np.linspace(0.5, 250.0, 1000)
     spring = gains.proportional_gain * np.sin(omega * delay) / omega
-    modes = {
-        joints: natural_modes(
-            OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.0, 1.5)), joints
-        ).frequencies.tolist()
-        for joints in ("free", "locked")
-    }
+    bent = OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.0, 1.5))
+    modes = {joints: natural_modes(bent, joints).frequencies.tolist() for joints in ("free", "locked")}
     turns = gains.derivative_gain * np.cos(omega * delay) - spring
     return {
         "omega": omega.tolist(),

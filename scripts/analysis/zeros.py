@@ -27,11 +27,6 @@ def undamped(modes: int) -> FlexibleArm:
     return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
 
 
-def upper_zeros(point: OperatingPoint, position: float) -> list[complex]:
-    """Return the zeros from the torques to a point of link 2 with Im >= 0, on either side of the axis."""
-    return [complex(v) for v in zeros(linear_plant(point, true_point(position))).values if v.imag >= 0.0]
-
-
 def entries(arm: FlexibleArm) -> list[float]:
     """Return the sensor positions at which a zero is at infinity [m]; there the response C A B is singular."""
     point = bent(arm)
@@ -46,9 +41,9 @@ def entries(arm: FlexibleArm) -> list[float]:
     return [float(brentq(response, grid[i], grid[i + 1])) for i in turns]
 
 
-def bent(arm: FlexibleArm, elbow: float = ELBOW) -> OperatingPoint:
-    """Return the resting arm with an elbow angle [rad]."""
-    return OperatingPoint.at_angles(arm, (0.0, elbow))
+def bent(arm: FlexibleArm) -> OperatingPoint:
+    """Return the resting arm with its elbow bent."""
+    return OperatingPoint.at_angles(arm, (0.0, ELBOW))
 
 
 def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
@@ -95,7 +90,8 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
     found: dict[str, Any] = {"positions": positions.tolist()}
     for name, arm in models.items():
         point = bent(arm)
-        found[name] = [[[v.real, v.imag] for v in upper_zeros(point, float(s))] for s in positions]
+        each = (zeros(linear_plant(point, true_point(float(s)))).values for s in positions)
+        found[name] = [[[float(v.real), float(v.imag)] for v in values if v.imag >= 0.0] for values in each]
     found["exact beam"] = [exact(float(s)) for s in positions]
     found["exact link 1"] = link_zeros(undamped(1), 1, 4.5, 3).real.tolist()
     return found

@@ -102,7 +102,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
             group = makers[label]()
             bar.total += sum(min(s.at_most or repeats, group.repeats(repeats)) for s in group.subjects)
             bar.set_description(label)
-            groups[group.name] = measure(group, repeats, lambda _: bar.update())
+            groups[group.name] = measure(group, repeats, bar.update)
     missing += ["EnvPool"] if "batches" in chosen and not peers.installed("envpool") else []
     return {"machine": facts, "quick": options.quick, "not_installed": missing, "groups": groups}
 

@@ -54,7 +54,7 @@ class Group:
         return max(2, round(self.share * wanted))
 
 
-def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[str, Any]:
+def measure(group: Group, repeats: int, tick: Callable[[], Any]) -> dict[str, Any]:
     """Time a group, and return its entry in the JSON file."""
     samples: dict[str, list[float]] = {}
     walls: dict[str, list[float]] = {}
@@ -62,11 +62,10 @@ def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[
         for subject in group.subjects:
             _timed(subject, {}, {})
     for repeat in range(group.repeats(repeats)):
-        turn = group.subjects if repeat % 2 == 0 else group.subjects[::-1]
-        for subject in turn:
+        for subject in group.subjects if repeat % 2 == 0 else group.subjects[::-1]:
             if subject.at_most is None or repeat < subject.at_most:
                 _timed(subject, samples, walls)
-                progress(subject.name)
+                tick()
     if group.wall:
         samples |= walls
     return {

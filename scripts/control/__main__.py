@@ -26,7 +26,6 @@ def registered_table(results: Any) -> str:
     return table(["name", "controller", "reads", *ERRORS, "source"], lines)
 
 
-TEXT = "Compare controllers on the standard laps."
 STUDIES: dict[str, Study] = {
     **study(
         "scripts.control.trials",
@@ -45,7 +44,7 @@ STUDIES: dict[str, Study] = {
 
 def main() -> None:
     """Command line."""
-    command("control", STUDIES, TEXT)
+    command("control", STUDIES, "Compare controllers on the standard laps.")
 
 
 if __name__ == "__main__":

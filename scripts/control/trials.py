@@ -23,11 +23,8 @@ def run_laps(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the scores of a controller on both laps; a lap that the first draw of the noise loses has one for each.
 
-    Args:
-        controller: its name in the registry.
-        design: keyword arguments of its `for_env`.
-        options: options of the environment, beside those that the controller needs.
-        off: of the joints from the first corner, where the arm begins [rad].
+    The design has arguments of its `for_env`, the options go beside its own. The joints begin so far `off` the first
+    corner [rad].
     """
     candidate = from_controller(controller, ENVIRONMENT, options, **design)
     laps = {}

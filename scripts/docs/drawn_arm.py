@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -63,13 +63,13 @@ def rigid(q: Array) -> Array:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
-def draw_arm(axis: Axes, q: Array, colour: str = INK, width: float = 5.0, **look: Any) -> None:
+def draw_arm(axis: Axes, q: Array, colour: str = INK, width: float = 5.0) -> None:
     """Draw the bent links and their joints."""
     bent = links(q)
     for line in bent:
-        axis.plot(*line.T, color=colour, linewidth=width, solid_capstyle="round", **look)
+        axis.plot(*line.T, color=colour, linewidth=width, solid_capstyle="round")
     joints = np.array([bent[0][0], bent[1][0]])
-    axis.plot(*joints.T, "o", color="white", markeredgecolor=colour, markersize=1.7 * width, mew=0.4 * width, **look)
+    axis.plot(*joints.T, "o", color="white", markeredgecolor=colour, markersize=1.7 * width, mew=0.4 * width)
 
 
 def bare(axis: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:

@@ -68,9 +68,6 @@ class Options:
     """Draw the pictures too (needs the extra `render`)."""
 
 
-# --- pages ---------------------------------------------------------------------------------------------------------
-
-
 TYPES = Path(option_types.__file__)
 
 
@@ -133,7 +130,8 @@ def page(name: str, one: Id) -> str:
     different = _chain() if one.options_of else doc.difference_table(one)
     different = re.sub(r"\d\.\d{9,}", lambda number: f"{float(number[0]):.4g}", different)  # of fractions
     sections = {"What is different from Square-v0": [different]} if different else {}
-    sections |= {"What to beat": [_paragraphs(to_beat(name))]}
+    parts = to_beat(name).split("\n\n")  # paragraphs and tables
+    sections |= {"What to beat": [part if part.startswith("|") else _wrapped(part) for part in parts]}
     top = [_wrapped(f"{one.summary}. {best(name)}"), picture, _wrapped(one.text), _facts(name, one)]
     return _assembled(f"{NAMESPACE}/{name}", top, sections, f"specification of {name}, ")
 
@@ -166,11 +164,6 @@ def _timing(one: Id) -> str:
     text = re.sub(r"(?<=the tip )[\d.]+", lambda number: f"{max(float(number[0]), 1e-3):.2g}", doc.timing(one))
     step = f"MuJoCo in steps of {1e3 * ChainOptions().chain_step:g} ms"
     return re.sub(r"(?<=integrated by ).*", step, text) if one.options_of else text
-
-
-def _paragraphs(text: str) -> str:
-    """Wrap the paragraphs between tables."""
-    return "\n\n".join(part if part.startswith("|") else _wrapped(part) for part in text.split("\n\n"))
 
 
 def _wrapped(*parts: str) -> str:

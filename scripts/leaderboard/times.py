@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexarm_agents.board.entries import Entry
 from flexarm_env.laps import LAPS
 from flexarm_env.predictor import predictor
-from scripts.common.markdown import table
+from scripts.common.markdown import span, table
 
 PERIOD = 10.0  # [ms]
 QUICK = 0.02  # of a period, below which entries share a line of the table
@@ -64,8 +64,7 @@ def times_table(found: Mapping[str, Mapping[str, float]]) -> str:
     ]
     if quick := {name: one for name, one in ordered if one["p99"] < QUICK * PERIOD}:
         times, p99 = ([one[what] for one in quick.values()] for what in ("median", "p99"))
-        span = f"{min(times):.3f} to {max(times):.3f}"
-        rows.append(["all others", span, f"up to {max(p99):.3f}", f"up to {_share(max(p99))}"])
+        rows.append(["all others", span(times, 3), f"up to {max(p99):.3f}", f"up to {_share(max(p99))}"])
     return table(["entry", "median [ms]", "99th percentile [ms]", "of the control period"], rows)
 
 

@@ -18,24 +18,12 @@ from flexarm_env.rollout import run_policy
 FIGURES = ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max", "elbow_changes", "vibration")
 
 
-class Replay:
-    """A policy that plays a plan's torques, open loop."""
-
-    def __init__(self, plan: Plan) -> None:
-        """Take the plan's torques as actions."""
-        self.actions = (plan.torques / np.array(plan.limits)).astype(np.float32)
-
-    def predict(self, observation: Any, state: Any = None) -> tuple[NDArray[np.float32], int]:
-        """Return the action of the next control period; the state counts them."""
-        period = 0 if state is None else int(state)
-        return self.actions[period], period + 1
-
-
 def score(plan: Plan, lap: str, reference: Mapping[str, Any]) -> dict[str, Any]:
     """Run a plan through `FlexArm/Square-v0`, open loop, with options of its reference; return figures of the lap."""
     own = {"torque_limit": plan.limits, "physics_step": plan.step, "max_episode_steps": len(plan.torques)}
     env = gymnasium.make("FlexArm/Square-v0", **{**reference, **own, "arm": asdict(plan.parameters)})
-    figures = summary(run_policy(env, Replay(plan), lap=lap))
+    actions = iter((plan.torques / np.array(plan.limits)).astype(np.float32))
+    figures = summary(run_policy(env, lambda observation: next(actions), lap=lap))
     if figures["ended_early"]:
         raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")
     return {name: figures[name] for name in FIGURES} | efforts(plan)

@@ -66,13 +66,8 @@ def search(
 ) -> list[Candidate]:
     """Find plans for a lap; trials and finals that the folder has with the same settings are reused.
 
-    Args:
-        problem: of the lap.
-        task: the elbow's side at its start, and its time.
-        sides: of the path, at whose starts the elbow may change its side.
-        effort: how much is tried.
-        folder: for the plans on the way.
-        other: plan of the arm's other lap, on which the best one goes on as well, where its elbow is on the same side.
+    The elbow may change its side at the start of each of the path's sides. The best plan goes on as well on that of the
+    arm's `other` lap, where its elbow is on the same side.
 
     Returns:
         The finalists, the best one first, then the others as their trials left them, without those that diverged; if

@@ -10,13 +10,12 @@ from tqdm import tqdm
 
 from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
-from flexarm_agents.files import write_text
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
-from scripts.common.markdown import fill_pages
+from scripts.common.study import Study, update_docs
 from scripts.common.trainings import trained_all
 from scripts.shipped import board
 from scripts.shipped.agents import AGENTS
@@ -25,6 +24,8 @@ from scripts.shipped.curves import keep_curves
 from scripts.shipped.trainings import export
 
 COMMAND = "python -m scripts.shipped"
+TABLES = {"nominal_plant": board.nominal, "unknown_plant": board.unknown, "own_tasks": board.own_tasks}
+CARDS = Study("the shipped agents", lambda folder, jobs: board.cards(), TABLES)
 
 
 @dataclass
@@ -65,17 +66,6 @@ def train_and_ship(name: str, options: Options) -> None:
     print(f"{POLICIES / name}.npz, .json: seed {load_policy(name).notes['config']['seed']}")
 
 
-def write_tables(output: Path) -> None:
-    """Write the tables, and bring the pages that show them up to date."""
-    output.mkdir(parents=True, exist_ok=True)
-    tables = {"nominal_plant": board.nominal, "unknown_plant": board.unknown, "own_tasks": board.own_tasks}
-    texts = {name: tabulate(board.cards()) for name, tabulate in tables.items()}
-    for name, text in texts.items():
-        write_text(output / f"{name}.md", text)
-    for page in fill_pages(texts):
-        print(f"{page}: tables up to date")
-
-
 def main() -> None:
     """Command line."""
     options = read_options(COMMAND, Options())
@@ -83,7 +73,9 @@ def main() -> None:
         for name in options.only or AGENTS:
             train_and_ship(choice("only", name, AGENTS), options)
     if options.tables:
-        write_tables(options.output)
+        options.output.mkdir(parents=True, exist_ok=True)
+        CARDS.show(board.cards(), options.output)
+        update_docs([CARDS], options.output)
 
 
 if __name__ == "__main__":

@@ -143,7 +143,8 @@ def unknown(cards: Mapping[str, Card]) -> str:
         entry = rows.get(text.replace("`", ""), several[0])  # an agent's as it is shipped
         shown = entry.get("cells", ["-"] * len(UNKNOWN))[1:]
         both = _errors([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
-        worst = _errors([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
+        most = ([error for lap in one.values() if (error := _of(lap, "rms", "most")) is not None] for one in unknown)
+        worst = _errors([max(errors, default=None) for errors in most])
         times = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
         lines.append((text, str(len(several)), spread_text(lost, 0), *shown, both, worst, *times))
     episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
@@ -168,10 +169,6 @@ def _times(figures: Figures, lap: str) -> float | None:
 def _mean(values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if len(known) == len(values) else None
-
-
-def _most(values: list[float | None]) -> float | None:
-    return max((value for value in values if value is not None), default=None)
 
 
 def _errors(values: list[float | None], digits: int = 0) -> str:
