@@ -31,17 +31,14 @@ class Frame:
     stiffness: Array  # Shape (n, n)
     conditions: Array  # motions d that are possible have ``conditions @ d = 0``. Shape (c, n)
 
-    def frequencies(self, count: int, zeros: int) -> Array:
-        """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
-        return self._frequencies(null_space(self.conditions), count, zeros)
+    def frequencies(self, count: int, zeros: int, motions: Array | None = None) -> Array:
+        """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,).
 
-    def held_to(self, motions: Array, count: int, zeros: int) -> Array:
-        """Frequencies of the frame that can move in given ways only. Shape (n, motions)."""
-        if np.abs(self.conditions @ motions).max() > 1e-9 * np.abs(motions).max():
+        With motions, shape (n, motions), the frame can move in these ways only.
+        """
+        basis = null_space(self.conditions) if motions is None else motions
+        if np.abs(self.conditions @ basis).max() > 1e-9 * np.abs(basis).max():
             raise ValueError("motions: do not meet the frame's conditions")
-        return self._frequencies(motions, count, zeros)
-
-    def _frequencies(self, basis: Array, count: int, zeros: int) -> Array:
         stiffness, mass = basis.T @ self.stiffness @ basis, basis.T @ self.mass @ basis
         squares = eigh(stiffness, mass, eigvals_only=True)
         return np.sqrt(squares[zeros : zeros + count])

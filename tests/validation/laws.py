@@ -19,12 +19,10 @@ from tests.validation.motion import HELD, Array
 ANGLE = 1.8  # step times the chain's fastest rate; semi-implicit Euler allows 2
 
 
-def fuzzy_gain(deflection: Array) -> float:
-    """Return FLSAC's lambda from the links' tip deflections [m]."""
-    return float(paper_system(1.0).evaluate(5.0 * deflection[None] / REFERENCE_DEFLECTION)[0])
-
-
-LAWS: dict[str, Callable[[Array], float]] = {"ifdc": lambda deflection: 1.0, "flsac": fuzzy_gain}
+LAWS: dict[str, Callable[[Array], float]] = {  # lambda from the links' tip deflections [m]
+    "ifdc": lambda deflection: 1.0,
+    "flsac": lambda deflection: float(paper_system(1.0).evaluate(5.0 * deflection[None] / REFERENCE_DEFLECTION)[0]),
+}
 # From 8 s on, IFDC's arm is through the straight pose, where millimetres decide which way the elbow goes.
 SECONDS = {"ifdc": 7.9, "flsac": 16.0}
 ELEMENTS = (10, 20)  # of the chains

@@ -61,7 +61,7 @@ def _case(parameters: ArmParameters, joints: Joints, theta2: float) -> ArmCase:
         arm = with_shapes(parameters, basis, m)
         free = [*range(joints.shoulder, 1), *range(1 + joints.elbow, arm.size)]
         found[basis, m] = frequencies(arm, theta2, free, joints.free)
-        held[basis, m] = mesh.held_to(_motions(arm, theta2, joints), COUNT, joints.free)
+        held[basis, m] = mesh.frequencies(COUNT, joints.free, _motions(arm, theta2, joints))
     exact = beams.two_links(parameters, theta2, joints).frequencies(COUNT, joints.free)
     return ArmCase(Case(exact, found), fe.extrapolated(parameters, theta2, joints, MESH, COUNT), held)
 
@@ -100,7 +100,8 @@ def shape_errors() -> dict[str, Array]:
         for m in range(1, count + 1):
             one, two = ((shape[:, :m], slope[:, :m] / length) for length in BARE.link_lengths)
             motions = fe.shape_motions(BARE, RIGHT, joints, (one, two))
-            errors.append(mesh.held_to(motions, 1, joints.free)[0] / mesh.frequencies(1, joints.free)[0] - 1.0)
+            held, whole = mesh.frequencies(1, joints.free, motions), mesh.frequencies(1, joints.free)
+            errors.append(held[0] / whole[0] - 1.0)
         found[name] = np.array(errors)
     return found
 

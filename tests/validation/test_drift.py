@@ -48,7 +48,6 @@ class Drift(NamedTuple):
     energy: Array  # over that of the start, minus 1, every `RECORDED`
     # change of the angular momentum over what the arm would have if it turned stiffly with all its energy
     momentum: Array
-    bound: float  # part of the energy that is lost if all of it vibrates at that rate
 
 
 TRIED: list[tuple[Model, tuple[str, ...], tuple[float, ...]]] = [
@@ -73,8 +72,7 @@ def drift(case: Case) -> Drift:
     total = run.kinetic_energy + run.strain_energy
     inertia = arm.mass_matrix(start[: arm.size])[0, 0]
     momentum = arm.angular_momentum(run.state) / np.sqrt(2.0 * total[0] * inertia)
-    bound = loss_bound(arm, case.step, DURATION)
-    return Drift(total / total[0] - 1.0, momentum - momentum[0], bound)
+    return Drift(total / total[0] - 1.0, momentum - momentum[0])
 
 
 def start_state(arm: FlexibleArm, start: str) -> Array:
@@ -196,7 +194,7 @@ def test_picture_by_step(page: Page) -> None:
             own = runs(label, start=start)
             found = [largest(drift(case).energy) for case in own]
             axis.loglog([1e3 * case.step for case in own], found, marker=mark, markersize=5, **look)
-        bounds = {1e3 * case.step: drift(case).bound for case in runs(label)}
+        bounds = {1e3 * case.step: BOUNDS[label, case.step] for case in runs(label)}
         axis.loglog(list(bounds), list(bounds.values()), color=look["color"], linestyle=":", linewidth=1.4)
         axis.plot([], [], label=label, **look)
     for start, mark in marks.items():
