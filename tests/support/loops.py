@@ -56,9 +56,6 @@ class LawLoop:
 def loop_of(problem: Problem, physics_step: float | None = None) -> LawLoop:
     sensor, law = problem.sensor, problem.law
     corners = [problem.reference(CORNER * k, CORNER * k)[0] for k in range(4)]
-    path = {"reference": "waypoints", "waypoints": [(at.real, at.imag) for at in corners]}
-    if problem.rest_at is not None:
-        path = resting_at(problem.rest_at.real, problem.rest_at.imag)
     return LawLoop(
         arm=problem.arm,
         sensor=sensor.model,
@@ -71,7 +68,8 @@ def loop_of(problem: Problem, physics_step: float | None = None) -> LawLoop:
         compensation=law.compensation,
         torque_limit=law.torque_limit,
         physics_step=physics_step,
-        **path,
+        reference="waypoints",
+        waypoints=[(at.real, at.imag) for at in corners],
     )
 
 

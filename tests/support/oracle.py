@@ -168,7 +168,6 @@ class Problem:
     noise: Array | None = None  # for each control period [m]
     clockwise: bool = True
     elbow: float = 1.0
-    rest_at: complex | None = None  # a reference that stands still instead of the square
     start: Array | None = None  # state; None: at rest on the corner
 
     def gains(self) -> Array:
@@ -202,7 +201,7 @@ class Problem:
         return np.concatenate([[theta1, theta2], np.zeros(4 * self.arm.modes_per_link + 2)])
 
     def reference(self, time: float, segment_of: float) -> tuple[complex, complex]:
-        return square_at(time, segment_of, self.clockwise) if self.rest_at is None else (self.rest_at, 0.0)
+        return square_at(time, segment_of, self.clockwise)
 
     def breaks(self) -> list[float]:
         """Instants where the right-hand side jumps, and those where a delayed jump arrives."""
@@ -213,7 +212,7 @@ class Problem:
         return [*sorted(t for t in jumps if t < end), end]
 
 
-def oracle(problem: Problem, rtol: float = 1e-9) -> Array:
+def oracle(problem: Problem) -> Array:
     """States at all control instants. Shape (periods + 1, 4 + 4 m)."""
     arm = FlexibleArm(problem.arm)
     data, law = oracle_arm(arm), oracle_law(problem, arm)
@@ -245,7 +244,7 @@ def oracle(problem: Problem, rtol: float = 1e-9) -> Array:
             command = np.array([problem.reference(t - d, middle - d) for d in command_delays])
             return np.asarray(state_rate(x, late, command, noise, gain, data, law))
 
-        solver = LSODA(rate, begin, x, end, rtol=rtol, atol=0.1 * rtol, max_step=longest_step)
+        solver = LSODA(rate, begin, x, end, rtol=1e-9, atol=1e-10, max_step=longest_step)
         while solver.status == "running":
             message = solver.step()
             assert solver.status != "failed", message
