@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 from pathlib import Path
@@ -19,6 +19,7 @@ from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.train import train
 from flexarm_env.envs.registration import IDS
+from flexarm_env.laps import LAPS
 
 ROUNDING = 1e-3  # relative, of a lap's error
 LATE = list(IDS["SquareDelayEasy-v0"].options["observation"])
@@ -56,6 +57,13 @@ def trained(config: RunConfig, folder: Path) -> Training:
             "remove the folder"
         )
     return found
+
+
+def curve(rows: Sequence[Mapping[str, Any]], figure: str = "rms") -> dict[str, Any]:
+    """Return what evaluations found: steps, seconds where known, each lap's figure to five digits, None if lost."""
+    found: dict[str, Any] = {name: [row[name] for row in rows] for name in ("steps", "seconds") if name in rows[0]}
+    laps = {lap: [one[lap][figure] if one[lap]["complete"] else None for one in rows] for lap in LAPS}
+    return found | {lap: [one and float(f"{one:.5g}") for one in several] for lap, several in laps.items()}
 
 
 def _alike(one: StandardScore, other: StandardScore) -> bool:

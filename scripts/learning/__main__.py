@@ -8,7 +8,7 @@ from scripts.common.command_line import run
 from scripts.common.study import Study, command
 from scripts.learning import any_path, conditions, teaching
 
-STUDIES: dict[str, Study] = {**conditions.STUDIES, "teaching": teaching.STUDY, "any_path": any_path.STUDY}
+STUDIES: dict[str, Study] = {**conditions.STUDIES, **teaching.STUDIES, "any_path": any_path.STUDY}
 TEXT = "Show what studies of learning found, from the data of finished trainings."
 
 

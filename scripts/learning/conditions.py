@@ -40,8 +40,12 @@ LATE: Rows = {  # by the delay in training or design
         **{f"unknown-{name}": text for name, text in REMEDIES.items()},
     },
 }
+PRIVILEGED = "true state, delay and arm, too"
 CRITIC: Rows = {
-    "0 to 60 ms": {"unknown-stacked": "as much as the policy", "unknown-privileged": "true state, delay and arm, too"}
+    "0 to 60 ms": {"unknown-stacked": "as much as the policy", "unknown-privileged": PRIVILEGED},
+    "widens to 60 ms": {"unknown-automatic": PRIVILEGED},
+    "0 to 120 ms": {"wide-privileged": PRIVILEGED},
+    "widens to 120 ms": {"wide-automatic": PRIVILEGED},
 }
 SHAPES: Rows = {
     "3 shapes": {"lqg": "`lqg`", "student": "student (`student`)"},

@@ -1,16 +1,19 @@
 """What teaching is worth against reward and against gradients: errors by environment steps and by seconds."""
 
 import json
+from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from flexarm_agents import Spread
 from flexarm_agents.board.terms import best_plans
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import millimetres, table
+from scripts.common.markdown import millimetres, spread_text, table
 from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_interquartile_mean
 from scripts.common.study import Study
 from scripts.learning.agents import FOLDER, Agent, Agents, committed
@@ -35,24 +38,34 @@ DRAWN = {
 }
 
 
-def with_shipped(agents: Agents) -> Agents:
-    """Add the shipped agents among the rows, from their cards and curves."""
-    curves, found = json.loads((FOLDER / "curves.json").read_text()), dict(agents)
-    for name in ROWS.keys() - agents.keys():
+TASKS = {  # of agents that learn from the reward alone, by their names in the data
+    "smooth": "`SmoothSquare-v0`",
+    "unknown": "`SquareUnknown-v0`",
+    "carry": "`Carry-v0`",
+    "race": "`Race-v0`",
+}
+METHODS = {"ppo": "PPO", "sac": "SAC", "tqc": "TQC"}
+
+
+def with_shipped(agents: Agents, names: Iterable[str]) -> Agents:
+    """Add the shipped agents among some names, from their cards, and their curves where there are any."""
+    every, found = json.loads((FOLDER / "curves.json").read_text()), dict(agents)
+    for name in set(names) - agents.keys():
         card = json.loads((POLICIES / f"{name}.json").read_text())
+        curves = every.get(name, [{}] * len(card["trainings"]))
         trainings = [
             {"seed": one["seed"], "best": one, "curve": curve, "measured": {}}
-            for one, curve in zip(card["trainings"], curves[name], strict=True)
+            for one, curve in zip(card["trainings"], curves, strict=True)
         ]
-        rate = min(curve["seconds"][-1] / curve["steps"][-1] for curve in curves[name])  # the least busy machine's
-        found[name] = Agent(card["config"], 1e6 * rate, trainings)
+        rates = [one["seconds"] / one["steps"] for one in card["trainings"]]  # of the least busy machine
+        found[name] = Agent(card["config"], 1e6 * min(rates), trainings)
     return found
 
 
 def learned(agents: Agents) -> str:
     """Tabulate the best evaluations beside the best plans, and what the trainings cost."""
-    plans, rows = best_plans(), []
-    for name, agent in ((name, with_shipped(agents)[name]) for name in ROWS):
+    plans, whole, rows = best_plans(), with_shipped(agents, ROWS), []
+    for name, agent in ((name, whole[name]) for name in ROWS):
         steps = agent.trainings[0]["curve"]["steps"][-1]
         cells = [agent.seeds, f"{steps:,}", "-" if agent.seconds is None else f"{1e-6 * steps * agent.seconds:.0f}"]
         for lap in LAPS:
@@ -64,10 +77,35 @@ def learned(agents: Agents) -> str:
     return table(("method", "the network reads", "seeds", "steps", "seconds of one core", *laps), rows)
 
 
+def rewarded(agents: Agents) -> str:
+    """Tabulate the best evaluations of agents that learn other tasks from the reward alone, and what that costs."""
+    whole, rows = with_shipped(agents, ("race", "unknown")), []
+    for task, method in product(TASKS, METHODS):
+        agent = whole.get(f"{task}-{method}") or whole[task]
+        assert agent.config is not None
+        steps = agent.config["steps"]
+        cost = "-" if agent.seconds is None else f"{1e-6 * steps * agent.seconds:.0f}"
+        errors = ["-", "-", _reached(agent, "plain", "duration")]
+        if task != "race":
+            errors = [*(_reached(agent, lap, "rms") for lap in LAPS), "-"]
+        rows.append((TASKS[task], METHODS[method], agent.seeds, f"{steps:,}", cost, *errors))
+    laps = (f"{lap} lap [mm]" for lap in LAPS)
+    return table(("on", "method", "seeds", "steps", "seconds of one core", *laps, "three laps [s]"), rows)
+
+
+def _reached(agent: Agent, lap: str, figure: str) -> str:
+    """Write the spread of a figure of the best evaluations, or how long half of them last at most."""
+    best = [one["best"][lap] for one in agent.trainings]
+    spread = Spread.of(one[figure] if one["complete"] else None for one in best)
+    if spread.median is None:
+        return f"lost after {np.median([one['duration'] for one in best]):.1f} s"
+    return millimetres(spread) if figure == "rms" else spread_text(spread, 2)
+
+
 def picture(agents: Agents) -> Figure:
     """Draw the mean error of both laps over steps and over seconds of one core, of the best evaluation so far."""
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.4), sharey=True)
-    whole, ends = with_shipped(agents), []
+    whole, ends = with_shipped(agents, ROWS), []
     for name, (_, colour) in DRAWN.items():
         agent = whole[name]
         assert agent.seconds is not None
@@ -94,9 +132,14 @@ def _best(curve: Any, count: int) -> Any:
     return np.minimum.accumulate(np.nan_to_num(laps.mean(axis=0), nan=np.inf))
 
 
-STUDY = Study(
-    "what teaching is worth against reward and gradients: r.m.s. errors of the best evaluations",
-    committed("teaching"),
-    {"teaching": learned},
-    {"agents/teaching": picture},
-)
+STUDIES = {
+    "teaching": Study(
+        "what teaching is worth against reward and gradients: r.m.s. errors of the best evaluations",
+        committed("teaching"),
+        {"teaching": learned},
+        {"agents/teaching": picture},
+    ),
+    "reward": Study(
+        "what reward alone reaches on other tasks: the best evaluations", committed("reward"), {"reward": rewarded}
+    ),
+}

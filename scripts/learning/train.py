@@ -25,7 +25,7 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
 from scripts.common.study import Trial, Trials
-from scripts.common.trainings import BEHIND_FILTER, trained
+from scripts.common.trainings import BEHIND_FILTER, curve, trained
 from scripts.learning import forecast
 from scripts.learning.agents import FOLDER
 from scripts.learning.conditions import DELAYS
@@ -108,17 +108,11 @@ def training(name: str, config: RunConfig, folder: Path) -> dict[str, Any]:
         policy, score = load_policy(made.folder).policy, made.score
         rows = json.loads((made.folder / "evaluations.json").read_text())
     seconds = time.process_time() - began if fresh else None
-    races = settings_of(config.environment, config.options).mode.races
-    curve = {"steps": [row["steps"] for row in rows]}
-    curve |= {
-        lap: [row[lap]["duration" if races else "rms"] if row[lap]["complete"] else None for row in rows]
-        for lap in LAPS
-    }
-    best = {
-        lap: {what: one[what] for what in ("rms", "complete", "duration")} for lap, one in score.as_mapping().items()
-    }
+    figure = "duration" if settings_of(config.environment, config.options).mode.races else "rms"
+    laps = score.as_mapping().items()
+    best = {lap: {what: one[what] for what in ("complete", "duration", "rms")} for lap, one in laps}
     measured = {"errors": errors_by_delay(policy, config)} if name in delays() else {}
-    return {"seconds": seconds, "seed": config.seed, "best": best, "curve": curve, "measured": measured}
+    return {"seconds": seconds, "seed": config.seed, "best": best, "curve": curve(rows, figure), "measured": measured}
 
 
 def errors_by_delay(policy: Any, config: RunConfig) -> dict[str, list[float | None]]:
@@ -146,10 +140,8 @@ def agents(found: Mapping[str, Mapping[str, Any]], names: Mapping[str, RunConfig
 
 def main() -> None:
     """Train, measure, and write the data."""
-    given, studies = (
-        read_options("python -m scripts.learning.train", Options()),
-        {"delays": delays(), "reward": reward()},
-    )
+    given = read_options("python -m scripts.learning.train", Options())
+    studies = {"delays": delays(), "reward": reward()}
     every = {name: config for own in studies.values() for name, config in own.items()}
     named = {name: every[choice("only", name, tuple(every))] for name in given.only or every}
     seeds = range(integer("seeds", given.seeds, 1))
@@ -166,9 +158,8 @@ def main() -> None:
     for study, own in studies.items():
         file = FOLDER / f"{study}.json"
         kept = json.loads(file.read_text()) if file.exists() else {}
-        write_json(
-            file, kept | agents(found, {name: config for name, config in own.items() if name in named}), levels=5
-        )
+        chosen = {name: config for name, config in own.items() if name in named}
+        write_json(file, kept | agents(found, chosen), levels=5)
 
 
 if __name__ == "__main__":

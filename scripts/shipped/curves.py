@@ -11,26 +11,15 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 
-from flexarm_agents import StandardScore
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_interquartile_mean, write
 from scripts.common.result_files import write_json
-from scripts.common.trainings import Training
+from scripts.common.trainings import Training, curve
 
 FOLDER = DOCS / "figures" / "agents"
 Curves = Mapping[str, Sequence[Mapping[str, Any]]]  # of each agent, of each seed
-
-
-def curve(training: Training) -> dict[str, Any]:
-    """Return the evaluations of a training: steps and seconds, and each lap's r.m.s. error [m], None for a lost one."""
-    rows = json.loads(RunFolder(training.folder).evaluations.with_suffix(".json").read_text())
-    found: dict[str, Any] = {name: [row[name] for row in rows] for name in ("steps", "seconds")}
-    scores = [StandardScore.of(row) for row in rows]
-    errors = {lap: [getattr(score, lap).rms for score in scores] for lap in LAPS}
-    laps = {lap: [one and float(f"{one:.5g}") for one in several] for lap, several in errors.items()}
-    return {"seed": training.config.seed, **found, **laps}
 
 
 def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) -> None:
@@ -38,9 +27,14 @@ def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) 
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "curves.json"
     known = json.loads(path.read_text()) if path.is_file() else {}
-    known |= {name: [curve(one) for one in trainings] for name, trainings in found.items()}
+    known |= {name: [_curve(one) for one in trainings] for name, trainings in found.items()}
     write_json(path, known, levels=3)
     draw(known, path.with_suffix(".png"))
+
+
+def _curve(training: Training) -> dict[str, Any]:
+    rows = json.loads(RunFolder(training.folder).evaluations.with_suffix(".json").read_text())
+    return {"seed": training.config.seed, **curve(rows)}
 
 
 def draw(curves: Curves, path: Path) -> None:
