@@ -44,7 +44,7 @@ def error_over_loss(path: Path) -> None:
     figure, axis = plt.subplots(figsize=(WIDTH, 6.4))
     axis.set_yscale("log")
     axis.set_xscale("symlog", linthresh=2.0, linscale=1.0)
-    axis.set(xlim=(-0.3, 140.0), ylim=(20.0, 1.6 * INFINITE))
+    axis.set(xlim=(-1.1, 140.0), ylim=(20.0, 1.6 * INFINITE))
     plotting.number_ticks(axis.xaxis, (0, 1, 2, 5, 10, 20, 50, 100))
     plotting.number_ticks(axis.yaxis, (20, 50, 100, 200, 500, 1000))
     axis.set_yticks([*axis.get_yticks(), INFINITE], [*(one.get_text() for one in axis.get_yticklabels()), "infinite"])
@@ -90,7 +90,7 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
     scale, frame = axis.figure.dpi / 72.0, np.array([axis.bbox.x0, axis.bbox.y0, axis.figure.bbox.x1, np.inf])
     taken = boxes(axis.transData.transform([*(place for _, _, *place in dots), *others]), 7.0)
     marks = taken[: len(dots)]  # and names: what leaders should not cross
-    turns = np.radians(np.arange(0.0, 360.0, 15.0))
+    turns = np.radians(np.arange(0.0, 360.0, 5.0))
     offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9, 18, 28, 40, 54, 70, 90, 115, 145) for turn in turns]
     for name, colour, *place in sorted(dots, key=lambda dot: (-dot[2], dot[3])):
         start, written = axis.transData.transform(place), axis.text(0.0, 0.0, name, transform=axis.transAxes)
