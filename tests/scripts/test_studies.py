@@ -24,6 +24,7 @@ from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
 from scripts.learning import forecast
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
+from scripts.learning.train import agents, training
 from tests.support.trainings import TINY
 
 
@@ -129,6 +130,22 @@ def test_a_forecast_is_learned_beside_the_policy() -> None:
     for _ in range(20):
         encoder.learn(inputs, present)
     assert error() < 0.5 * before
+
+
+def test_what_a_study_keeps_of_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its best evaluation, its curve and its errors at each delay; a training that was there before has no time."""
+    monkeypatch.setattr("scripts.learning.train.DELAYS", (0, 31))
+    config = config_of(**TINY)
+    made = training("known-none", config, tmp_path)
+    assert training("known-none", config, tmp_path) == made | {"seconds": None}
+    curve, best = made["curve"], made["best"]
+    assert best["plain"]["rms"] in curve["plain"]
+    assert len(curve["steps"]) == len(curve["swing"]) > 1
+    assert {lap: len(errors) for lap, errors in made["measured"]["errors"].items()} == {"swing": 2, "plain": 2}
+    found = {"known-none 0": made, "known-none 1": made | {"seconds": None}, "other 0": made}
+    agent = agents(found, {"known-none": config})["known-none"]
+    assert agent["seconds"] == round(made["seconds"] * 1e6 / curve["steps"][-1], 1)
+    assert len(agent["trainings"]) == 2
 
 
 # --- analysis --------------------------------------------------------------------------------------------------------
