@@ -13,18 +13,13 @@ from flexarm_agents.environments import settings_of
 from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.jobs.executors import Executor
 from flexarm_agents.jobs.failures import Failure
-from flexarm_agents.policies.observer import FILTERED
 from flexarm_agents.training.config import RunConfig
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.train import train
-from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 
 ROUNDING = 1e-3  # relative, of a lap's error
-LATE = list(IDS["SquareDelayEasy-v0"].options["observation"])
-# The late sensor's readings pass through the filter.
-BEHIND_FILTER = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
 Job = tuple[RunConfig, Path]
 
 

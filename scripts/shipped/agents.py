@@ -5,10 +5,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import DAggerConfig, PPOConfig
+from flexarm_agents.policies.observer import FILTERED
 from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
-from scripts.common.trainings import BEHIND_FILTER, LATE, Job
+from scripts.common.trainings import Job
 
+LATE = list(IDS["SquareDelayEasy-v0"].options["observation"])
+# The late sensor's readings pass through the filter.
+BEHIND_FILTER = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
 LATE_TIP: dict[str, Any] = {"observation": LATE, "last_actions": 8}
 # The plant of `Paper-v0`, with its gain set 100 times a second and the observation of `Square-v0`.
 _PLANT = ("arm", "feedback_source", "sensor", "deflection_limit", "error_limit")

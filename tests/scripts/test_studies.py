@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 
 from flexarm_agents import PPOConfig, evaluate
 from flexarm_agents.environments import make_one
-from flexarm_agents.training.config import config_of
+from flexarm_agents.training.config import config_of, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_baselines.registry import CONTROLLERS
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
@@ -24,7 +24,8 @@ from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
 from scripts.learning import forecast
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
-from scripts.learning.train import agents, training
+from scripts.learning.train import STUDIES as TRAINED
+from scripts.learning.train import agents, file, training
 from tests.support.trainings import TINY
 
 
@@ -132,12 +133,18 @@ def test_a_forecast_is_learned_beside_the_policy() -> None:
     assert error() < 0.5 * before
 
 
+def test_each_agent_in_the_data_can_be_trained_anew() -> None:
+    for study in TRAINED:
+        for name, agent in json.loads(file(study).read_text()).items():
+            assert read_config(agent["config"]).seed == 0, name
+
+
 def test_what_a_study_keeps_of_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its best evaluation, its curve and its errors at each delay; a training that was there before has no time."""
     monkeypatch.setattr("scripts.learning.train.DELAYS", (0, 31))
     config = config_of(**TINY)
-    made = training("known-none", config, tmp_path)
-    assert training("known-none", config, tmp_path) == made | {"seconds": None}
+    made = training("known-none", config, tmp_path, True)
+    assert training("known-none", config, tmp_path, True) == made | {"seconds": None}
     curve, best = made["curve"], made["best"]
     assert best["plain"]["rms"] in curve["plain"]
     assert len(curve["steps"]) == len(curve["swing"]) > 1
