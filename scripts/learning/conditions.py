@@ -40,11 +40,11 @@ LATE: Rows = {  # by the delay in training or design
         **{f"unknown-{name}": text for name, text in REMEDIES.items()},
     },
 }
-PRIVILEGED = "true state, delay and arm, too"
+AS_POLICY, PRIVILEGED = "as much as the policy", "true state, delay and arm, too"
 CRITIC: Rows = {
-    "0 to 60 ms": {"unknown-stacked": "as much as the policy", "unknown-privileged": PRIVILEGED},
+    "0 to 60 ms": {"unknown-stacked": AS_POLICY, "unknown-privileged": PRIVILEGED},
     "widens to 60 ms": {"unknown-automatic": PRIVILEGED},
-    "0 to 120 ms": {"wide-privileged": PRIVILEGED},
+    "0 to 120 ms": {"wide-stacked": AS_POLICY, "wide-privileged": PRIVILEGED},
     "widens to 120 ms": {"wide-automatic": PRIVILEGED},
 }
 SHAPES: Rows = {
