@@ -15,7 +15,7 @@ HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame")
 
 def sources(*patterns: str) -> list[Path]:
     """Return the repository's own files; builds, caches and environments have no part in it."""
-    folders = ("flexarm_env", "baselines", "agents", "tests", "scripts", "docs", "examples")
+    folders = ("flexarm_env", "baselines", "agents", "tests", "scripts", "docs")
     found = [path for pattern in patterns for path in ROOT.glob(pattern)]
     found += [path for folder in folders for pattern in patterns for path in (ROOT / folder).rglob(pattern)]
     return sorted(found)

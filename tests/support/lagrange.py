@@ -124,7 +124,7 @@ class Lagrangian:
             return torch.stack([x * c - w * s, x * s + w * c], dim=-1)
 
         length1, length2 = (tensor(length) for length in self.p.link_lengths)
-        drawn1, drawn2 = self.foreshortening_acceleration(0, q1), self.foreshortening_acceleration(1, q2)
+        drawn1, drawn2 = self.foreshortening(0, q1), self.foreshortening_acceleration(1, q2)
         elbow = along(a1, length1 - drawn1[-1], self.tip[0] @ q1)
         first = along(a1, self.x[0] - drawn1[:-1], self.phi[0] @ q1)
         second = elbow + along(a2, self.x[1] - drawn2[:-1], self.phi[1] @ q2)
@@ -132,7 +132,7 @@ class Lagrangian:
         points = torch.cat([first, second, elbow[None], tip[None]])
         return points, torch.stack([a1, a2 - q[1], a2, a2 + self.tip_slope[1] @ q2])
 
-    def foreshortening_acceleration(self, link: int, q: torch.Tensor) -> torch.Tensor:
+    def foreshortening(self, link: int, q: torch.Tensor) -> torch.Tensor:
         """Foreshortening of a link's points and of its tip: half the integral of the squared slope from the root."""
         slopes, weights = self.bends[link]
         foreshortened = self.p.kinematics == "foreshortened"
