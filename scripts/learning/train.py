@@ -118,8 +118,8 @@ def main() -> None:
     given.output.mkdir(parents=True, exist_ok=True)
     found = Trials("scripts.learning.train", trials)(given.output, given.jobs)
     for study, data in every.items():
-        configs = {name: read_config(data[name]["config"]) for name in data if name in chosen}
-        write_json(file(study), data | agents(found, configs), levels=5)
+        if configs := {name: read_config(data[name]["config"]) for name in data if name in chosen}:
+            write_json(file(study), data | agents(found, configs), levels=5)
 
 
 if __name__ == "__main__":
