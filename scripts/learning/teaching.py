@@ -57,8 +57,9 @@ def with_shipped(agents: Agents, names: Iterable[str]) -> Agents:
             {"seed": one["seed"], "best": one, "curve": curve, "measured": {}}
             for one, curve in zip(card["trainings"], curves, strict=True)
         ]
-        rates = [one["seconds"] / one["steps"] for one in card["trainings"]]  # of the least busy machine
-        found[name] = Agent(card["config"], 1e6 * min(rates), trainings)
+        rates = [np.divide(one["seconds"], one["steps"]) for one in every.get(name, card["trainings"])]
+        least = min(np.ravel(rate)[-1] for rate in rates)  # the least busy machine's
+        found[name] = Agent(card["config"], 1e6 * float(least), trainings)
     return found
 
 
