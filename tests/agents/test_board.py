@@ -10,10 +10,10 @@ import pytest
 
 from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
-from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
+from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Point, phases
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.episodes import LANES, observation_map, run_points, shares
+from flexarm_agents.board.episodes import observation_map, run_points
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
 from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
 from flexarm_agents.environments import INTERFACE
@@ -258,23 +258,6 @@ def test_where_a_row_cannot_be_run_it_says_why() -> None:
     assert "refused" in Cell.of(late, point).depends
     (result,) = run_points(late, [Point("chain", task="chain")])
     assert "on a chain the paper's law acts on the joints' own angles" in result["not_applicable"]
-
-
-def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
-    found = list(shares([2] * 7 + [10, 40, 2]))
-    assert found == [list(range(7)), [7], [8], [9]]
-    assert sum([2] * 7) <= LANES
-    assert list(shares([])) == []
-
-
-def test_one_job_has_all_of_a_task_that_is_not_the_entrys_own() -> None:
-    row, other = Entry(AGENT), Entry("lqg")
-    some = [Point(n, task=task) for n, task in enumerate(["square", "pace9", "carry", "pace9", *["square"] * LANES])]
-    jobs = jobs_of([Cell.of(entry, point) for entry in (row, other) for point in some])
-    found = [(job[0].entry, {cell.point.task for cell in job}, len(job)) for job in jobs]
-    half = LANES // 2  # of two laps each
-    of_each = [({"carry"}, 1), ({"pace9"}, 2), ({"square"}, half), ({"square"}, half), ({"square"}, 1)]
-    assert found == [(entry, *one) for entry in (row, other) for one in of_each]
 
 
 # --- rows and columns ------------------------------------------------------------------------------------------

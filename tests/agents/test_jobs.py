@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from flexarm_agents.board import measure as measuring
-from flexarm_agents.board.cells import Store
+from flexarm_agents.board.cells import Cell, Store, jobs_of
 from flexarm_agents.board.columns import Column, Point
 from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.episodes import LANES, shares
 from flexarm_agents.jobs.executors import _own_error, _run_share, executor
 from flexarm_agents.jobs.failures import LOG, Failure, check_failures
 from tests.support.boards import files
@@ -122,3 +123,20 @@ def test_a_ray_cluster_of_which_a_node_is_killed_gives_the_same_files(
     finally:
         ray.shutdown()
         cluster.shutdown()
+
+
+def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
+    found = list(shares([2] * 7 + [10, 40, 2]))
+    assert found == [list(range(7)), [7], [8], [9]]
+    assert sum([2] * 7) <= LANES
+    assert list(shares([])) == []
+
+
+def test_one_job_has_all_of_a_task_that_is_not_the_entrys_own() -> None:
+    row, other = Entry("square"), Entry("lqg")
+    some = [Point(n, task=task) for n, task in enumerate(["square", "pace9", "carry", "pace9", *["square"] * LANES])]
+    jobs = jobs_of([Cell.of(entry, point) for entry in (row, other) for point in some])
+    found = [(job[0].entry, {cell.point.task for cell in job}, len(job)) for job in jobs]
+    half = LANES // 2  # of two laps each
+    of_each = [({"carry"}, 1), ({"pace9"}, 2), ({"square"}, half), ({"square"}, half), ({"square"}, 1)]
+    assert found == [(entry, *one) for entry in (row, other) for one in of_each]
