@@ -10,10 +10,10 @@ import pytest
 
 from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
-from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute
+from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Point, phases
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.episodes import observation_map, run_points
+from flexarm_agents.board.episodes import LANES, observation_map, run_points
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
 from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
 from flexarm_agents.environments import INTERFACE
