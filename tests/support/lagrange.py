@@ -124,7 +124,7 @@ class Lagrangian:
             return torch.stack([x * c - w * s, x * s + w * c], dim=-1)
 
         length1, length2 = (tensor(length) for length in self.p.link_lengths)
-        drawn1, drawn2 = self.foreshortening(0, q1), self.foreshortening_acceleration(1, q2)
+        drawn1, drawn2 = self.foreshortening(0, q1), self.foreshortening(1, q2)
         elbow = along(a1, length1 - drawn1[-1], self.tip[0] @ q1)
         first = along(a1, self.x[0] - drawn1[:-1], self.phi[0] @ q1)
         second = elbow + along(a2, self.x[1] - drawn2[:-1], self.phi[1] @ q2)
