@@ -95,7 +95,7 @@ def rewarded(agents: Agents) -> str:
 
 
 def _reached(agent: Agent, lap: str, figure: str) -> str:
-    """Write the spread of a figure of the best evaluations, or how long half of them last at most."""
+    """Write the spread of a figure of the best evaluations; of lost ones the median time at which they were lost."""
     best = [one["best"][lap] for one in agent.trainings]
     spread = Spread.of(one[figure] if one["complete"] else None for one in best)
     if spread.median is None:

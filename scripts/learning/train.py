@@ -6,9 +6,10 @@ blocks use the nominal delay of the environment.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -43,7 +44,7 @@ class Options:
     """How many trainings of each agent; without, as many as the data have."""
     jobs: int = 1
     """How many trainings run at once, on one core each."""
-    output: Path = Path("results/trainings")
+    output: Path = Path("results/learning/trainings")
     """Folder for the trainings."""
 
 
@@ -85,41 +86,53 @@ def errors_by_delay(policy: Any, config: RunConfig) -> dict[str, list[float | No
     return {lap: [getattr(score, lap).rms for score in scores] for lap in LAPS}
 
 
-def agents(found: Mapping[str, Mapping[str, Any]], names: Mapping[str, RunConfig]) -> dict[str, Any]:
-    """Gather the trainings of each agent."""
+def agents(
+    found: Mapping[str, Mapping[str, Any]], data: Mapping[str, Mapping[str, Any]], names: Collection[str]
+) -> dict[str, Any]:
+    """Gather the trainings of agents in the data, by the results of trials; a time is new where all trainings are."""
     made = {}
-    for name, config in names.items():
-        own = [dict(one) for label, one in found.items() if label.rpartition(" ")[0] == name]
-        seconds = [x for x in [one.pop("seconds") for one in own] if x is not None]
-        steps = own[0]["curve"]["steps"][-1]
-        million = round(float(np.median(seconds)) * 1e6 / steps, 1) if seconds else None
-        made[name] = {"config": config.plain(), "seconds": million, "trainings": own}
+    for name in names:
+        own = [dict(one) for label, one in found.items() if label.split()[0] == name]
+        seconds = [one.pop("seconds") for one in own]
+        million = data[name]["seconds"]
+        if None not in seconds:
+            million = round(float(np.median(seconds)) * 1e6 / own[0]["curve"]["steps"][-1], 1)
+        made[name] = {"config": data[name]["config"], "seconds": million, "trainings": own}
     return made
+
+
+def label(name: str, config: RunConfig) -> str:
+    """Name a training, so that the results of one with another configuration are not taken for its own."""
+    text = json.dumps(config.plain(), sort_keys=True)
+    return f"{name} {config.seed} {hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def main() -> None:
     """Train, measure, and write the data."""
     given = read_options("python -m scripts.learning.train", Options())
+    integer("jobs", given.jobs, 1)
+    optional("seeds", given.seeds, integer, least=1)  # a new agent has none in its data
     every = {study: json.loads(file(study).read_text()) for study in STUDIES}
     names = [name for data in every.values() for name in data]
     chosen = {choice("only", name, names) for name in given.only or names}
-    optional("seeds", given.seeds, integer, least=1)
 
     def trials() -> dict[str, Trial]:
-        made = {
-            (seed, name): partial(training, name, replace(read_config(agent["config"]), seed=seed), given.output, late)
-            for late, data in ((study == "delays", data) for study, data in every.items())
+        made = [
+            (seed, name, replace(read_config(agent["config"]), seed=seed), study == "delays")
+            for study, data in every.items()
             for name, agent in data.items()
-            for seed in range(given.seeds or len(agent["trainings"]))
             if name in chosen
-        }
-        return {f"{name} {seed}": made[seed, name] for seed, name in sorted(made, key=lambda one: one[0])}
+            for seed in range(integer("seeds", given.seeds or len(agent["trainings"]), 1))
+        ]
+        ordered = sorted(made, key=lambda one: one[0])  # all with the first seed, then the others
+        return {label(name, own): partial(training, name, own, given.output, late) for _, name, own, late in ordered}
 
     given.output.mkdir(parents=True, exist_ok=True)
     found = Trials("scripts.learning.train", trials)(given.output, given.jobs)
     for study, data in every.items():
-        if configs := {name: read_config(data[name]["config"]) for name in data if name in chosen}:
-            write_json(file(study), data | agents(found, configs), levels=5)
+        if own := [name for name in data if name in chosen]:
+            present = json.loads(file(study).read_text())  # another run may have written it
+            write_json(file(study), present | agents(found, data, own), levels=5)
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def main() -> None:
             train_and_ship(choice("only", name, AGENTS), options)
     if options.tables:
         options.output.mkdir(parents=True, exist_ok=True)
-        CARDS.show(board.cards(), options.output)
+        CARDS.show(CARDS.results(options.output, 1), options.output)
         update_docs([CARDS], options.output)
 
 

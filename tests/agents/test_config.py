@@ -1,5 +1,6 @@
 """Configurations of a training: what they refuse, how they survive a file, and the tuned ones in rl-zoo3's format."""
 
+import importlib
 import inspect
 import json
 from dataclasses import replace
@@ -15,7 +16,7 @@ from flexarm_agents import DAggerConfig, PPOConfig, SACConfig, config_of, load_p
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.training.config import read_config
 from flexarm_agents.training.hyperparameters import settings_of
-from flexarm_agents.training.models import arguments, model_class
+from flexarm_agents.training.models import arguments
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import DESCENDED, ID, TINIES, TINY
 
@@ -45,6 +46,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
     FileNotFoundError: [({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped")],
     ValueError: [
         ({"environment": "CartPole-v1"}, r"environment = 'CartPole-v1': must be one of 'FlexArm/Carry-v0'"),
+        ({"options": {"noise": -1.0}}, r"noise = -1.0: must be"),
         ({"steps": 0}, r"steps = 0: must be an integer >= 1"),
         ({"batch": 1000}, r"batch = 1000: must divide rollout \* envs = 64 \* 64 = 4096"),
         ({"gamma": 1.5}, r"gamma = 1.5: must be .* <= 1.0"),
@@ -89,6 +91,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({"activation": "selu"}, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
         ({**DAGGER, "arms": 3}, r"arms = 3: must be even, half of them for each lap"),
         ({**DAGGER, "averaging": 1.5}, r"averaging = 1.5"),
+        ({**DAGGER, "options": {"side": 10.0}}, r"side = 10.0: the teacher has plans for 12.6 only"),
         ({**DAGGER, "curriculum_options": {"lap_time": 20.0}}, r"lap_time = 20.0: the teacher has plans for 16.0"),
         ({**DAGGER, "curriculum_options": {"last_actions": 2}}, r"curriculum_options = .*: must leave observ"),
         ({**DAGGER, "options": {"randomisation": {"side": [12, 12.6]}}}, r"randomisation\['side'\] = .*: must be left"),
@@ -163,6 +166,12 @@ def test_a_spoilt_configuration(tmp_path: Path, text: str) -> None:
 
 
 FOLDER = Path(flexarm_agents.__file__).parent / "hyperparams"
+CLASSES = {
+    "ppo": ("stable_baselines3", "PPO"),
+    "sac": ("stable_baselines3", "SAC"),
+    "tqc": ("sb3_contrib", "TQC"),
+    "recurrent_ppo": ("sb3_contrib", "RecurrentPPO"),
+}
 ZOOS = {"n_timesteps", "n_envs", "env_kwargs"}
 
 
@@ -189,10 +198,12 @@ def test_a_curriculum_leaves_what_the_options_say() -> None:
     assert read_config(before) == config_of(curriculum_options={})
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "recurrent_ppo", "sac", "tqc"])
+@pytest.mark.parametrize("algorithm", CLASSES)
 def test_every_setting_reaches_the_model(algorithm: str) -> None:
     """What the model is made with is what the file says, by the names of the library; environments take the rest."""
-    known = inspect.signature(model_class(config_of(algorithm=algorithm))).parameters
+    assert {path.stem for path in FOLDER.glob("*.yml")} == set(CLASSES)
+    module, name = CLASSES[algorithm]
+    known = inspect.signature(getattr(importlib.import_module(module), name)).parameters
     for environment, one in settings(algorithm).items():
         assert check_id(environment) == environment  # the zoo looks for the whole id
         make_one(environment, one["env_kwargs"]).close()

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flexarm_env.actions import MODES
-from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.blocks import BLOCKS, SCALAR
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import WAYPOINTS, Array, bare, vector
 from tests.support.plain import PlainEnvironment
@@ -106,6 +107,13 @@ def test_an_episode_from_another_state() -> None:
         shown, same, *_ = image.step(env.mirror_action(action))
         np.testing.assert_array_equal(shown, env.mirror_observation(seen))
         assert same == reward
+
+
+def test_each_block_declares_what_it_is() -> None:
+    scalars = {"lap_phase", "time", "reading_age", "inner_gain", "episode_parameters"}
+    assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == scalars
+    assert {name for sensor in FURTHER for name in sensor.blocks} <= set(blocks_of("torque"))
+    assert {name for name, block in BLOCKS.items() if block.mirror is None} == {"last_actions"}
 
 
 def test_the_maps_take_batches() -> None:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flexarm_env.envs.batch import block_lanes
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import IDS, PAPER, RACE, SQUARE, actions_for, assert_same, make, random_options, vector
+from tests.support.envs import IDS, PAPER, SQUARE, actions_for, assert_same, make, random_options, vector
 from tests.support.refusals import refuses
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -22,8 +22,8 @@ def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: 
     return SyncVectorEnv([lambda: make(env_id, **options)] * num_envs, autoreset_mode=mode)
 
 
-# Each program's blocks are compiled for this alone; those of the fast tests are the torques'. Races: `test_race`.
-OTHERS = [pytest.param(env_id, marks=pytest.mark.slow) for env_id in IDS if env_id not in (SQUARE, RACE)]
+# Each program's blocks are compiled for this alone; those of the fast tests are the torques'.
+OTHERS = [pytest.param(env_id, marks=pytest.mark.slow) for env_id in IDS if env_id != SQUARE]
 
 
 @pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP])

@@ -23,9 +23,9 @@ from scripts.control.__main__ import STUDIES
 from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
 from scripts.learning import forecast
+from scripts.learning import train as learning
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
-from scripts.learning.train import STUDIES as TRAINED
-from scripts.learning.train import agents, file, training
+from tests.support.refusals import refuses
 from tests.support.trainings import TINY
 
 
@@ -134,25 +134,43 @@ def test_a_forecast_is_learned_beside_the_policy() -> None:
 
 
 def test_each_agent_in_the_data_can_be_trained_anew() -> None:
-    for study in TRAINED:
-        for name, agent in json.loads(file(study).read_text()).items():
+    for study in learning.STUDIES:
+        for name, agent in json.loads(learning.file(study).read_text()).items():
             assert read_config(agent["config"]).seed == 0, name
 
 
-def test_what_a_study_keeps_of_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its best evaluation, its curve and its errors at each delay; a training that was there before has no time."""
+def test_agents_in_the_data_are_trained_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that are named; what a training was is kept while its configuration and the code are the same."""
+    tiny = config_of(**TINY).plain()
+    known = {"config": tiny, "seconds": 3.0, "trainings": []}
+    data = {"delays": {"mine": known, "other": known}, "reward": {"theirs": known}, "teaching": {}}
+    for study, agents in data.items():
+        (tmp_path / f"{study}.json").write_text(json.dumps(agents))
+    monkeypatch.setattr("scripts.learning.train.FOLDER", tmp_path)
     monkeypatch.setattr("scripts.learning.train.DELAYS", (0, 31))
-    config = config_of(**TINY)
-    made = training("known-none", config, tmp_path, True)
-    assert training("known-none", config, tmp_path, True) == made | {"seconds": None}
-    curve, best = made["curve"], made["best"]
-    assert best["plain"]["rms"] in curve["plain"]
-    assert len(curve["steps"]) == len(curve["swing"]) > 1
-    assert {lap: len(errors) for lap, errors in made["measured"]["errors"].items()} == {"swing": 2, "plain": 2}
-    found = {"known-none 0": made, "known-none 1": made | {"seconds": None}, "other 0": made}
-    agent = agents(found, {"known-none": config})["known-none"]
-    assert agent["seconds"] == round(made["seconds"] * 1e6 / curve["steps"][-1], 1)
-    assert len(agent["trainings"]) == 2
+
+    def trained(*options: str) -> dict[str, Any]:
+        monkeypatch.setattr("sys.argv", ["train", "--only", "mine", "--output", str(tmp_path / "runs"), *options])
+        learning.main()
+        return json.loads((tmp_path / "delays.json").read_text())
+
+    with refuses(ValueError, "seeds = 0"):
+        trained()
+    first = trained("--seeds", "2")
+    assert first["other"] == known
+    assert json.loads((tmp_path / "reward.json").read_text()) == data["reward"]
+    assert first["mine"]["config"] == tiny
+    assert [one["seed"] for one in first["mine"]["trainings"]] == [0, 1]
+    for one in first["mine"]["trainings"]:
+        assert one["curve"]["steps"] == [256, 512]
+        assert {lap: len(errors) for lap, errors in one["measured"]["errors"].items()} == {"swing": 2, "plain": 2}
+    assert trained() == first  # as many as there are
+    (tmp_path / "runs" / "results.json").unlink()
+    assert trained() == first  # the time is that of the trainings
+    first["mine"]["config"]["learning_rate"] = 1e-4
+    (tmp_path / "delays.json").write_text(json.dumps(first))
+    with refuses(ValueError, "learning_rate = 0.0001: the training in "):
+        trained()
 
 
 # --- analysis --------------------------------------------------------------------------------------------------------

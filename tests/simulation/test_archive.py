@@ -60,12 +60,12 @@ def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes
     return stream.getvalue() + content
 
 
-def with_entry(path: Path, name: str, content: bytes) -> Path:
+def with_entry(path: Path, name: str, content: bytes, **options: Any) -> Path:
     """Write a policy's file with an entry of any bytes in place of its own."""
     policy_file(path)
     with zipfile.ZipFile(path) as file:
         entries = {one: file.read(one) for one in file.namelist()}
-    with zipfile.ZipFile(path, "w") as file:
+    with zipfile.ZipFile(path, "w", **options) as file:
         for one, own in (entries | {name: content}).items():
             file.writestr(one, own)
     return path
@@ -73,6 +73,13 @@ def with_entry(path: Path, name: str, content: bytes) -> Path:
 
 def configured(path: Path, **changes: Any) -> Path:
     return policy_file(path, {"notes": {"config": CONFIG | changes}})
+
+
+def deflated(path: Path) -> Path:
+    """Write a good file anew, in which long runs of zeros take a thousandth."""
+    with np.load(path) as file:
+        np.savez_compressed(path, **file)
+    return path
 
 
 def overlapping(path: Path) -> Path:
@@ -93,14 +100,14 @@ def more(kept: Any, path: Path) -> Path:
         return saved(path, **file, junk=np.zeros(3))
 
 
-def bomb(path: Path) -> Path:
-    """Write a trajectory's file whose times are 32 MiB of zeros, compressed."""
-    run().save(path)
+def bomb(kept: Any, path: Path, name: str) -> Path:
+    """Save something, one of whose arrays is 32 MiB of zeros, compressed."""
+    kept.save(path)
     with zipfile.ZipFile(path) as file:
         head = file.read("head.npy")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("head.npy", head)
-        file.writestr("time.npy", raw_entry((2**21, 2), "<f8", bytes(2**25)))
+        file.writestr(f"{name}.npy", raw_entry((2**21, 2), "<f8", bytes(2**25)))
     return path
 
 
@@ -119,20 +126,24 @@ def loaded(make: Callable[[Path], Any], load: Callable[[Path], Any] = load_polic
 
 
 test_policies_of_strangers = refused(
+    (lambda p: deflated(policy_file(p)), r"' is compressed; must be as `numpy\.savez` stores it"),
     (lambda p: overlapping(policy_file(p)), " bytes, and the file has "),
     (lambda p: policy_file(p, weight_9=np.ones(9)), "'weight_9': no such array in a policy of 1 layers"),
     (lambda p: with_entry(p, "weight_0.npy", raw_entry((2**40, 4), "<f4")), "should have 17592186044"),
+    (lambda p: with_entry(p, "weight_0.npy", raw_entry((2, 3), "<f4", bytes(99))), "bytes, not 227"),
     (lambda p: with_entry(p, "bias_0.npy", raw_entry((-2,), "<f4")), "should have"),
     (lambda p: with_entry(p, "bias_0.npy", raw_entry((1,), "|O", b"x" * 8)), "must hold float32, got object"),
     (lambda p: saved(p, head="[" * 100_000), r"not a saved policy \("),
     (lambda p: saved(p, head="x" * 1_000_001), "not a text of at most 1000000 char"),
     (lambda p: with_entry(p, "head.npy", raw_entry((), "|S2", b"{}")), "not a text of at most"),
+    (lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "' is compressed; must be"),
     (lambda p: with_entry(p, "weight_0.npy", b"1 2 3"), r"not a saved policy \("),
     (lambda p: policy_file(p, weight_0=np.float32(1.0)), r"biases\[0\]: must have shapes \(n, k\) and \(n,\), got"),
     (lambda p: policy_file(p, bias_0=np.zeros(2)), "bias_0: must hold float32, got float64"),
     (lambda p: policy_file(p, log_std=np.full(2, np.nan, np.float32)), "log_std: must be finite"),
     (lambda p: policy_file(p, log_std=np.full(2, 99.0, np.float32)), r"log_std = array\(\[99\., 99\."),
     (lambda p: policy_file(p, {"layers": 10**9}), "layers = 1000000000: must be an integer from 1 to 100"),
+    (lambda p: policy_file(p, {"layers": 0.5}), r"layers = 0\.5: must be an integer"),
     (lambda p: policy_file(p, {"notes": None}), "notes = None: must be a mapping"),
     (lambda p: policy_file(p, {"format": True}), "format True; this version reads 1"),
     (lambda p: policy_file(p, {"activation": ["elu"]}), r"activation = \['elu'\]: must be one of 'elu'"),
@@ -155,15 +166,18 @@ test_runs_of_strangers = refused(
     (lambda p: run_file(p, {"parameters": [1]}), r"parameters = \[1\]: must be a mapping"),
     (lambda p: run_file(p, {"parameters": {"modes_per_link": 99}}), "modes_per_link = 99: must be an integer"),
     (lambda p: p.write_bytes(b"time, x, y"), r"not a saved Trajectory \("),
+    (lambda p: p.write_bytes(b"\x93NUMPY" + bytes(200)), r"not a saved Trajectory \(File is not a zip file\)"),
+    (lambda p: p.write_bytes(run_file(p).read_bytes()[:100]), r"not a saved Trajectory \("),
     (lambda p: saved(p, time=np.zeros(3)), r"not a saved Trajectory \(no entry 'head'\)"),
     (lambda p: saved(p, head='{"format": 99}'), "format 99; this version reads 1"),
     (lambda p: saved(p, head="[1]"), r"not a saved Trajectory \(the entry 'head' is not a JSON object\)"),
     (lambda p: saved(p, head='{"format": 1}'), r"not a saved Trajectory \(no entry 'parameters'\)"),
     (lambda p: saved(p, head='{"format": 1, "parameters": {}, "notes": {}}'), "time: must be an array, and is missing"),
-    (bomb, r"' is compressed; must be as `numpy\.savez` stores it"),
+    (lambda p: bomb(run(), p, "time"), "' is compressed; must be"),
     by=partial(loaded, load=Trajectory.load),
 )
 test_plans_of_strangers = refused(
+    (lambda p: bomb(load_plan("linear_swing"), p, "torques"), "' is compressed; must be"),
     (lambda p: more(load_plan("linear_swing"), p), "'junk': no such array; a Plan has states, torques, refer"),
     by=partial(loaded, load=Plan.load),
 )
