@@ -42,7 +42,11 @@ def shown_blocks() -> dict[str, str]:
 
 
 def fill_pages(tables: Mapping[str, str]) -> list[Path]:
-    """Replace generated blocks wherever they stand in docs/, and return the pages."""
+    """Replace generated blocks wherever they stand in docs/, and return the pages.
+
+    Raises:
+        ValueError: if a block stands on no page.
+    """
     pages = {path: path.read_text() for path in sorted(DOCS.rglob("*.md"))}
     found = [path for path, text in pages.items() if tables.keys() & blocks(text).keys()]
     missing = tables.keys() - {name for path in found for name in blocks(pages[path])}

@@ -36,7 +36,11 @@ class Options:
 
 
 def written(page: str, results: Path) -> str:
-    """Write the generated tables and the quoted figures of a page's text anew."""
+    """Write the generated tables and the quoted figures of a page's text anew.
+
+    Raises:
+        ValueError: if the results lack a table.
+    """
     tables = kept_tables(results)
     if lacking := blocks(page).keys() - tables.keys():
         raise ValueError(f"results = {results}: lack the tables {', '.join(sorted(lacking))}")

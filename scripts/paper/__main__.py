@@ -50,7 +50,11 @@ class Options:
 
 
 def read_parameters(path: Path | None) -> dict[str, Any]:
-    """Read fields of `ArmParameters` from a file."""
+    """Read fields of `ArmParameters` from a file.
+
+    Raises:
+        ValueError: for another kind of file or an unknown field.
+    """
     if path is None:
         return {}
     if path.suffix not in (".json", ".toml"):

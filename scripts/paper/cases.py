@@ -75,7 +75,11 @@ class Study:
     arm_changes: dict[str, Any] = field(default_factory=dict)  # fields of `ArmParameters` set in every column
 
     def __post_init__(self) -> None:
-        """Validate."""
+        """Validate.
+
+        Raises:
+            ValueError: for a value out of range, or a lap that is no whole number of control periods.
+        """
         number("K_s", self.K_s, above=0.0)
         number("K_n", self.K_n, above=0.0)
         lap = number("lap_time", self.lap_time, "s", above=0.0)
