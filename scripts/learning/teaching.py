@@ -57,9 +57,11 @@ def with_shipped(agents: Agents, names: Iterable[str]) -> Agents:
             {"seed": one["seed"], "best": one, "curve": curve, "measured": {}}
             for one, curve in zip(card["trainings"], curves, strict=True)
         ]
-        rates = [np.divide(one["seconds"], one["steps"]) for one in every.get(name, card["trainings"])]
-        least = min(np.ravel(rate)[-1] for rate in rates)  # the least busy machine's
-        found[name] = Agent(card["config"], 1e6 * float(least), trainings)
+        timed = card["trainings"]
+        if name in every:
+            timed = [{what: curve[what][-1] for what in ("seconds", "steps")} for curve in curves]
+        rate = min(one["seconds"] / one["steps"] for one in timed)  # the least busy machine's
+        found[name] = Agent(card["config"], 1e6 * rate, trainings)
     return found
 
 

@@ -25,7 +25,7 @@ from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
-from scripts.common.study import Trial, Trials
+from scripts.common.study import Trials
 from scripts.common.trainings import curve, trained
 from scripts.learning import forecast
 from scripts.learning.agents import FOLDER
@@ -92,7 +92,7 @@ def agents(
     """Gather the trainings of agents in the data, by the results of trials; a time is new where all trainings are."""
     made = {}
     for name in names:
-        own = [dict(one) for label, one in found.items() if label.split()[0] == name]
+        own = [dict(one) for key, one in found.items() if key.split()[0] == name]
         seconds = [one.pop("seconds") for one in own]
         million = data[name]["seconds"]
         if None not in seconds:
@@ -116,19 +116,17 @@ def main() -> None:
     names = [name for data in every.values() for name in data]
     chosen = {choice("only", name, names) for name in given.only or names}
 
-    def trials() -> dict[str, Trial]:
-        made = [
-            (seed, name, replace(read_config(agent["config"]), seed=seed), study == "delays")
-            for study, data in every.items()
-            for name, agent in data.items()
-            if name in chosen
-            for seed in range(integer("seeds", given.seeds or len(agent["trainings"]), 1))
-        ]
-        ordered = sorted(made, key=lambda one: one[0])  # all with the first seed, then the others
-        return {label(name, own): partial(training, name, own, given.output, late) for _, name, own, late in ordered}
-
+    jobs = [
+        (replace(read_config(agent["config"]), seed=seed), name, study == "delays")
+        for study, data in every.items()
+        for name, agent in data.items()
+        if name in chosen
+        for seed in range(integer("seeds", given.seeds or len(agent["trainings"]), 1))
+    ]
+    jobs.sort(key=lambda job: job[0].seed)  # all with the first seed, then the others
+    trials = {label(name, own): partial(training, name, own, given.output, late) for own, name, late in jobs}
     given.output.mkdir(parents=True, exist_ok=True)
-    found = Trials("scripts.learning.train", trials)(given.output, given.jobs)
+    found = Trials("scripts.learning.train", lambda: trials)(given.output, given.jobs)
     for study, data in every.items():
         if own := [name for name in data if name in chosen]:
             present = json.loads(file(study).read_text())  # another run may have written it
