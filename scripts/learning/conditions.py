@@ -27,6 +27,7 @@ REMEDIES = {
     "forecast": "past readings and a learned forecast",
     "recurrent": "recurrent (RecurrentPPO)",
     "observer": "Kalman filter in front",
+    "inverse": "none: a learned inverse model, shifted by 0.2 s",
 }
 LATE: Rows = {  # by the delay in training or design
     "31 ms": {
@@ -60,6 +61,7 @@ LOOKS = (  # of the rows of `LATE`
     ("PPO, past readings and a learned forecast", COLOURS[2], "--"),
     ("PPO, recurrent network", COLOURS[3], "-"),
     ("PPO, Kalman filter in front", COLOURS[4], "-"),
+    ("inverse model, shifted by 0.2 s", COLOURS[0], ":"),
 )
 
 

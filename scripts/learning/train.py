@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents import PPOConfig, StandardScore, evaluate, load_policy
+from flexarm_agents import DAggerConfig, PPOConfig, StandardScore, evaluate, load_policy
 from flexarm_agents.environments import make_one, settings_of
 from flexarm_agents.training.config import RunConfig, optional, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
@@ -27,7 +27,7 @@ from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
 from scripts.common.study import Trials
 from scripts.common.trainings import curve, trained
-from scripts.learning import forecast
+from scripts.learning import forecast, inverse
 from scripts.learning.agents import FOLDER
 from scripts.learning.conditions import DELAYS
 
@@ -63,6 +63,9 @@ def training(name: str, config: RunConfig, folder: Path, late: bool) -> dict[str
     if name.endswith("forecast"):
         assert isinstance(config, PPOConfig)
         policy, score, rows = forecast.trained(config)
+    elif name.endswith("inverse"):
+        assert isinstance(config, DAggerConfig)
+        policy, score, rows = inverse.trained(config)
     else:
         made = trained(config, own)
         policy, score = load_policy(made.folder).policy, made.score

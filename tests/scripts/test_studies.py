@@ -10,11 +10,12 @@ import pytest
 import torch
 from matplotlib import pyplot as plt
 
-from flexarm_agents import PPOConfig, evaluate
-from flexarm_agents.environments import make_one
+from flexarm_agents import DAggerConfig, PPOConfig, evaluate
+from flexarm_agents.environments import make_batch, make_one
 from flexarm_agents.training.config import config_of, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_baselines.registry import CONTROLLERS
+from flexarm_env.envs.vector import FlexArmVectorEnv
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.analysis.__main__ import STUDIES as OF_ANALYSIS
 from scripts.common.markdown import DOCS, shown_blocks
@@ -22,7 +23,7 @@ from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
 from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
-from scripts.learning import forecast
+from scripts.learning import forecast, inverse
 from scripts.learning import train as learning
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
 from tests.support.refusals import refuses
@@ -131,6 +132,62 @@ def test_a_forecast_is_learned_beside_the_policy() -> None:
     for _ in range(20):
         encoder.learn(inputs, present)
     assert error() < 0.5 * before
+
+
+@pytest.fixture
+def wanted() -> tuple[FlexArmVectorEnv, inverse.Wanted]:
+    options = {"observation": list(inverse.OBSERVATION), "frame": "world", "scaled": False, "previews": [0.02, 0.05]}
+    env = make_batch("FlexArm/SquareDelayEasy-v0", 2, {**options, "last_actions": 1, "start": "corners"})
+    return env, inverse.Wanted.of(env.settings, (1, 2, 3, 4))
+
+
+def test_an_inverse_model_sees_the_bend_and_the_places_from_its_first_link(
+    wanted: tuple[FlexArmVectorEnv, inverse.Wanted],
+) -> None:
+    """The arm is turned by hand; the tip is 0.1 m to the left of the rigid one, the target 0.3 m ahead of it."""
+    _, encoder = wanted
+    for turn in (0.0, 1.0, -2.5):
+        along = np.exp(1j * turn)
+        tip = (4.5 + 4.5j) * along
+        points = (tip + 0.1j * along, tip, tip, 0.3 * along, 0.6 * along)  # as read, target, its way, twice
+        shown = [
+            part for point in (points[0], 0.0, points[1], *points[3:]) for part in (np.real(point), np.imag(point))
+        ]
+        row = np.array([[turn, 0.5 * np.pi, 0.0, 0.0, *shown]], dtype=np.float32)
+        inputs = encoder.reset(row)[0][0]
+        assert inputs[:4] == pytest.approx([0.0, 1.0, 0.0, 0.0], abs=1e-6)
+        assert inputs[12:16] == pytest.approx([0.0, 0.1] * 2, abs=1e-5)  # ages 0 and 1; those of 3 and 4 are dates
+        assert inputs[-4:] == pytest.approx([0.3, 0.0, 0.6, 0.0], abs=1e-5)
+
+
+def test_an_inverse_model_learns_what_led_where_the_tip_went(
+    wanted: tuple[FlexArmVectorEnv, inverse.Wanted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env, encoder = wanted
+    monkeypatch.setattr(inverse, "PERIODS", 20)
+    made = inverse.rollout(env, encoder, None, 0.3, np.random.default_rng(1))
+    assert made.observations.shape == (2 * 15, encoder.inputs)  # 5 periods have no place ahead
+    random = np.random.default_rng(1)
+    _, infos = env.reset(seed=int(random.integers(2**31)))
+    angles, tips = [], []
+    for actions in (*made.answers.reshape(15, 2, 2), *np.zeros((3, 2, 2))):
+        angles.append(infos["state"][:, :2])
+        tips.append(infos["true_tip"] @ (1.0, 1.0j))
+        infos = env.step(actions.astype(np.float32))[-1]
+    ahead = np.stack([tips[2], tips[5]], axis=1)
+    np.testing.assert_allclose(made.observations[:2, -4:], encoder.places(angles[0], ahead), atol=1e-5)
+
+
+def test_an_inverse_model_is_trained_and_the_best_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inverse, "PERIODS", 30)
+    found = json.loads(learning.file("delays").read_text())["known-inverse"]["config"]
+    small = {"arms": 4, "rounds": 2, "updates": 5, "batch": 16, "hidden": [8], "evaluation_laps": 1}
+    made = read_config(found | small | {"options": found["options"] | {"previews": [0.02, 0.05]}})
+    assert isinstance(made, DAggerConfig)
+    policy, score, rows = inverse.trained(made)
+    assert [row["steps"] for row in rows] == [4 * 30 * 4, 5 * 30 * 4]
+    with make_one(made.environment, made.options) as env:
+        assert evaluate(env, policy, EVALUATION_SEED) == score
 
 
 def test_each_agent_in_the_data_can_be_trained_anew() -> None:
