@@ -27,7 +27,7 @@ REMEDIES = {
     "forecast": "past readings and a learned forecast",
     "recurrent": "recurrent (RecurrentPPO)",
     "observer": "Kalman filter in front",
-    "inverse": "none: a learned inverse model, shifted by 0.2 s",
+    "inverse": "inverse model, shifted by 0.2 s, not PPO",
 }
 LATE: Rows = {  # by the delay in training or design
     "31 ms": {
