@@ -8,7 +8,6 @@ fully connected network in the place of the transformer.
 
 from __future__ import annotations
 
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -17,18 +16,16 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from flexarm_agents import PPOConfig, StandardScore, evaluate
-from flexarm_agents.environments import make_batch, make_one, settings_of
-from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents import PPOConfig
+from flexarm_agents.environments import make_batch, settings_of
 from flexarm_agents.policies.encoders import Array, Memory, PastReadings, past_readings
-from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.asymmetric import FirstNumbers
 from flexarm_agents.sb3.export import network_policy
 from flexarm_agents.sb3.layers import fully_connected, linear_layers
 from flexarm_agents.sb3.vec_env import EncodedVecEnv, FlexArmVecEnv
-from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_agents.training.models import arguments
 from flexarm_agents.training.train import one_thread
+from scripts.learning.judge import Judge, Outcome
 
 UNSEEN = ("modal_coordinates", "modal_rates")  # blocks of an observation that are forecast
 HIDDEN, BATCH, PASSES, LEARNING_RATE = (128, 128), 512, 4, 1e-3
@@ -82,40 +79,28 @@ class Forecaster(PastReadings):
                 self.optimiser.step()
 
 
-class Keeper(BaseCallback):
-    """Trains the forecast after each rollout, and keeps the best policy of the evaluations."""
+class Learning(BaseCallback):
+    """Trains the forecast after each rollout, and has the policy judged."""
 
     def __init__(self, config: PPOConfig, forecaster: Forecaster) -> None:
         super().__init__()
-        self.config, self.forecaster = config, forecaster
-        self.curve: list[dict[str, Any]] = []
-        self.best: tuple[tuple[int, float], NetworkPolicy, StandardScore] | None = None
+        self.every, self.forecaster, self.judge = config.evaluate_every, forecaster, Judge(config)
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= self.config.evaluate_every * (len(self.curve) + 1):
-            self.judge()
+        if self.num_timesteps >= self.every * (len(self.judge.curve) + 1):
+            self.judge.judge(network_policy(self.model), self.num_timesteps)
 
     def _on_rollout_end(self) -> None:
         buffer: Any = self.model.rollout_buffer  # type: ignore[attr-defined]
         rows = buffer.observations.reshape(-1, buffer.observations.shape[-1])
         self.forecaster.learn(rows, rows[:, self.forecaster.inputs :])
 
-    def judge(self) -> None:
-        """Evaluate the present policy."""
-        with make_one(self.config.environment, self.config.options) as env:
-            policy = network_policy(self.model)
-            scores = [evaluate(env, policy, EVALUATION_SEED + n) for n in range(self.config.evaluation_laps)]
-        self.curve.append({"steps": self.num_timesteps, **scores[0].as_mapping()})
-        ranked = rank(scores)
-        if self.best is None or ranked < self.best[0]:
-            self.best = ranked, deepcopy(policy), scores[0]  # the forecast goes on learning
 
-
-def trained(config: PPOConfig) -> tuple[NetworkPolicy, StandardScore, list[dict[str, Any]]]:
-    """Train; return the best policy, its score, and the score of each evaluation with the `steps` before it."""
+def trained(config: PPOConfig) -> Outcome:
+    """Train, and return what was best."""
     with one_thread():
         torch.manual_seed(config.seed)
         seen = settings_of(config.environment, config.options).observation
@@ -131,10 +116,8 @@ def trained(config: PPOConfig) -> tuple[NetworkPolicy, StandardScore, list[dict[
         }
         env = VecMonitor(EncodedVecEnv(FlexArmVecEnv(batch), forecaster))
         model = PPO("MlpPolicy", env, **given, seed=config.seed, device="cpu")
-        keeper = Keeper(config, forecaster)
-        model.learn(config.steps, keeper)
-        keeper.judge()
+        learning = Learning(config, forecaster)
+        model.learn(config.steps, learning)
+        learning.judge.judge(network_policy(model), model.num_timesteps)
         env.close()
-    assert keeper.best is not None
-    _, policy, score = keeper.best
-    return policy, score, keeper.curve
+    return learning.judge.outcome()

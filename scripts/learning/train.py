@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents import DAggerConfig, PPOConfig, StandardScore, evaluate, load_policy
+from flexarm_agents import StandardScore, evaluate, load_policy
 from flexarm_agents.environments import make_one, settings_of
 from flexarm_agents.training.config import RunConfig, optional, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
@@ -30,8 +30,11 @@ from scripts.common.trainings import curve, trained
 from scripts.learning import forecast, inverse
 from scripts.learning.agents import FOLDER
 from scripts.learning.conditions import DELAYS
+from scripts.learning.judge import Outcome
 
 STUDIES = ("delays", "reward", "teaching")  # files of data
+# Trainings that are a study's own, by the last word of an agent's name.
+OF_STUDIES: Mapping[str, Callable[[Any], Outcome]] = {"forecast": forecast.trained, "inverse": inverse.trained}
 
 
 @dataclass
@@ -60,12 +63,8 @@ def training(name: str, config: RunConfig, folder: Path, late: bool) -> dict[str
     """
     own, began = folder / name / f"seed-{config.seed}", time.process_time()
     fresh = not own.exists()
-    if name.endswith("forecast"):
-        assert isinstance(config, PPOConfig)
-        policy, score, rows = forecast.trained(config)
-    elif name.endswith("inverse"):
-        assert isinstance(config, DAggerConfig)
-        policy, score, rows = inverse.trained(config)
+    if (kind := name.rpartition("-")[2]) in OF_STUDIES:
+        policy, score, rows = OF_STUDIES[kind](config)
     else:
         made = trained(config, own)
         policy, score = load_policy(made.folder).policy, made.score

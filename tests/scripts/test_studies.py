@@ -1,6 +1,8 @@
 """The studies of controllers, learning and the linear arm: what is run is kept, and pages have what a trial gives."""
 
 import json
+from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,13 @@ import pytest
 import torch
 from matplotlib import pyplot as plt
 
-from flexarm_agents import DAggerConfig, PPOConfig, evaluate
+from flexarm_agents import DAggerConfig, PPOConfig, StandardScore, evaluate
 from flexarm_agents.environments import make_batch, make_one
+from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.training.config import config_of, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_baselines.registry import CONTROLLERS
+from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.analysis.__main__ import STUDIES as OF_ANALYSIS
@@ -135,57 +139,58 @@ def test_a_forecast_is_learned_beside_the_policy() -> None:
 
 
 @pytest.fixture
-def wanted() -> tuple[FlexArmVectorEnv, inverse.Wanted]:
-    options = {"observation": list(inverse.OBSERVATION), "frame": "world", "scaled": False, "previews": [0.02, 0.05]}
-    env = make_batch("FlexArm/SquareDelayEasy-v0", 2, {**options, "last_actions": 1, "start": "corners"})
-    return env, inverse.Wanted.of(env.settings, (1, 2, 3, 4))
+def driven() -> Iterator[FlexArmVectorEnv]:
+    options = {**inverse.INTERFACE, "previews": [0.02, 0.05], "start": "corners"}
+    with closing(make_batch("FlexArm/SquareDelayEasy-v0", 2, options)) as env:
+        yield env
 
 
-def test_an_inverse_model_sees_the_bend_and_the_places_from_its_first_link(
-    wanted: tuple[FlexArmVectorEnv, inverse.Wanted],
-) -> None:
-    """The arm is turned by hand; the tip is 0.1 m to the left of the rigid one, the target 0.3 m ahead of it."""
-    _, encoder = wanted
+def test_an_inverse_model_sees_deflections_and_goals_from_its_first_link(driven: FlexArmVectorEnv) -> None:
+    """The elbow is at a right angle; the tip is off by 0.1 m, and the target moves along the first link."""
+    encoder = inverse.GoalEncoder.of(driven.settings, (1, 2, 3, 4))
     for turn in (0.0, 1.0, -2.5):
         along = np.exp(1j * turn)
         tip = (4.5 + 4.5j) * along
-        points = (tip + 0.1j * along, tip, tip, 0.3 * along, 0.6 * along)  # as read, target, its way, twice
-        shown = [
-            part for point in (points[0], 0.0, points[1], *points[3:]) for part in (np.real(point), np.imag(point))
-        ]
-        row = np.array([[turn, 0.5 * np.pi, 0.0, 0.0, *shown]], dtype=np.float32)
-        inputs = encoder.reset(row)[0][0]
+        points = [tip + 0.1j * along, 0.0, tip, 0.3 * along, 0.6 * along]  # read, no torques, target, its way
+        vectors = np.array([turn + 0.5j * np.pi, 0.0, *points]).view(float)
+        inputs = encoder.reset(vectors[None].astype(np.float32))[0][0]
         assert inputs[:4] == pytest.approx([0.0, 1.0, 0.0, 0.0], abs=1e-6)
-        assert inputs[12:16] == pytest.approx([0.0, 0.1] * 2, abs=1e-5)  # ages 0 and 1; those of 3 and 4 are dates
+        assert inputs[12:16] == pytest.approx([0.0, 0.1] * 2, abs=1e-5)  # ages 0 and 1 show the moments 3 and 4 ago
         assert inputs[-4:] == pytest.approx([0.3, 0.0, 0.6, 0.0], abs=1e-5)
 
 
+def test_an_inverse_model_refuses_what_it_cannot_see(driven: FlexArmVectorEnv) -> None:
+    with refuses(ValueError, "lags = (1, 2): "):
+        inverse.GoalEncoder.of(driven.settings, (1, 2))
+    with refuses(ValueError, "frame = 'link': must be 'world'"):
+        inverse.GoalEncoder.of(Settings.of({**inverse.INTERFACE, "frame": "link"}), (1, 2, 3))
+
+
 def test_an_inverse_model_learns_what_led_where_the_tip_went(
-    wanted: tuple[FlexArmVectorEnv, inverse.Wanted], monkeypatch: pytest.MonkeyPatch
+    driven: FlexArmVectorEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    env, encoder = wanted
     monkeypatch.setattr(inverse, "PERIODS", 20)
-    made = inverse.rollout(env, encoder, None, 0.3, np.random.default_rng(1))
-    assert made.observations.shape == (2 * 15, encoder.inputs)  # 5 periods have no place ahead
-    random = np.random.default_rng(1)
-    _, infos = env.reset(seed=int(random.integers(2**31)))
-    angles, tips = [], []
-    for actions in (*made.answers.reshape(15, 2, 2), *np.zeros((3, 2, 2))):
-        angles.append(infos["state"][:, :2])
+    encoder = inverse.GoalEncoder.of(driven.settings, (1, 2, 3, 4))
+    made = inverse.rollout(driven, encoder, None, 0.3, np.random.default_rng(1))
+    assert made.observations.shape == (2 * 15, encoder.inputs)  # for 5 periods there is no last goal
+    _, infos = driven.reset(seed=int(np.random.default_rng(1).integers(2**31)))
+    angles, tips = infos["state"][:, :2], []
+    for actions in made.answers.reshape(15, 2, 2):
         tips.append(infos["true_tip"] @ (1.0, 1.0j))
-        infos = env.step(actions.astype(np.float32))[-1]
-    ahead = np.stack([tips[2], tips[5]], axis=1)
-    np.testing.assert_allclose(made.observations[:2, -4:], encoder.places(angles[0], ahead), atol=1e-5)
+        infos = driven.step(actions.astype(np.float32))[-1]
+    goals = encoder.seen(angles, angles[:, None], np.stack([tips[2], tips[5]], axis=1))
+    np.testing.assert_allclose(made.observations[:2, -4:], goals, atol=1e-5)
 
 
-def test_an_inverse_model_is_trained_and_the_best_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_best_inverse_model_of_a_training_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inverse, "PERIODS", 30)
     found = json.loads(learning.file("delays").read_text())["known-inverse"]["config"]
-    small = {"arms": 4, "rounds": 2, "updates": 5, "batch": 16, "hidden": [8], "evaluation_laps": 1}
+    small = {"arms": 4, "rounds": 3, "updates": 5, "batch": 16, "hidden": [8], "evaluation_laps": 1}
     made = read_config(found | small | {"options": found["options"] | {"previews": [0.02, 0.05]}})
     assert isinstance(made, DAggerConfig)
     policy, score, rows = inverse.trained(made)
-    assert [row["steps"] for row in rows] == [4 * 30 * 4, 5 * 30 * 4]
+    assert [row["steps"] for row in rows] == [4 * 30 * rollouts for rollouts in (4, 5, 6)]
+    assert rank([score]) == min(rank([StandardScore.of(row)]) for row in rows)
     with make_one(made.environment, made.options) as env:
         assert evaluate(env, policy, EVALUATION_SEED) == score
 
