@@ -117,13 +117,13 @@ def board(entries: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -
     }
 
 
-def write(results: Mapping[str, Any], folder: Path) -> None:
-    """Write the board's JSON, CSV and tables into a folder, which is made."""
+def write(results: Mapping[str, Any], board: Mapping[str, Any], folder: Path) -> None:
+    """Write JSON and CSV of what was measured, and the tables of a board, into a folder, which is made."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = rounded(results)
     write_json(folder / DATA, shown, levels=5)
     write_text(folder / TABLE, as_csv(shown))
-    for name, text in tables(results).items():
+    for name, text in tables(board).items():
         write_text(folder / f"{name}.md", text)
 
 
@@ -155,11 +155,23 @@ def published() -> dict[str, Any] | None:
 
 
 def beside(results: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a board with those entries of another one that it has not measured, in the columns that both have."""
+    """Return a board with those entries of another one that it has not measured, at the points that both have."""
     own = {entry["name"] for entry in results["rows"]}
     columns = {name: column for name, column in results["columns"].items() if name in others["columns"]}
-    rows = [*results["rows"], *(entry for entry in others["rows"] if entry["name"] not in own)]
-    return {**results, "columns": columns, "rows": rows}
+
+    def at_its_points(name: str, measured: Mapping[str, Any]) -> dict[str, Any]:
+        if COLUMNS[name].sample:
+            return dict(measured)
+        values = others["columns"][name]["values"]
+        points = [measured["points"][values.index(value)] for value in columns[name]["values"]]
+        return {**measured, "points": points}
+
+    rows = [
+        {**entry, "columns": {name: at_its_points(name, entry["columns"][name]) for name in columns}}
+        for entry in others["rows"]
+        if entry["name"] not in own
+    ]
+    return {**results, "columns": columns, "rows": [*results["rows"], *rows]}
 
 
 def rounded(value: Any) -> Any:

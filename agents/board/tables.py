@@ -10,6 +10,7 @@ import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.summary import nominal_errors, spans
+from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]
 Entry = Mapping[str, Any]
@@ -19,6 +20,7 @@ UNRANKED = "*Without a rank:*"  # above these entries
 ABSENT = "not applicable"
 LOST = "lost"
 UNKNOWN = ("unknown arms: lost (95 %)", "median [mm]", "90th percentile [mm]")  # heads
+NOMINAL = tuple(f"{lap} lap [mm]" for lap in LAPS)
 # Entries of the short table.
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student_unknown", "agent unknown")
 
@@ -100,33 +102,45 @@ def best_of(board: Board) -> Iterator[Best]:
                 yield Best(task, figure, values)
 
 
-def ranking(board: Board, narrow: bool = False) -> str:
-    """Write each entry's losses and errors on unknown arms; unless narrow, its distance to the plans, what it reads."""
-    best = [] if narrow else list(best_of(board))
+def ranking(board: Board) -> str:
+    """Write each entry's losses and errors on unknown arms, its distance to the plans, and what it reads."""
+    best = list(best_of(board))
     titles = [f"{one.task}, {board['tasks'][one.task]['figures'][one.figure]['title']}" for one in best]
     laps = [" / ".join(one.values) for one in best]
     over = [f"{name}: over the best plan, {each} [mm]" for name, each in zip(titles, laps, strict=True)]
-    head = ["rank", "entry", *UNKNOWN, *over, *([] if narrow else ["reads"])]
+
+    def cells(entry: Entry) -> list[str]:
+        each = (one.over(entry, board) for one in best)
+        written = [" / ".join(LOST if one is None else signed(one) for one in laps) for laps in each]
+        return [*written, ", ".join(entry["reads"]) or "nothing"]
+
+    return _ranking(board, (*over, "reads"), cells)
+
+
+def lap_ranking(board: Board) -> str:
+    """Write each entry's losses and errors on unknown arms, and the errors of its nominal laps: few, narrow columns."""
+    return _ranking(board, NOMINAL, nominal_cells)
+
+
+def _ranking(board: Board, heads: Sequence[str], cells: Callable[[Entry], list[str]]) -> str:
+    head = ["rank", "entry", *UNKNOWN, *heads]
     lines: list[list[str]] = []
     for entry in filter(on_square, ranked(board)):
         if not has_rank(entry) and UNRANKED not in [line[1] for line in lines]:
             lines.append(["", UNRANKED, *[""] * (len(head) - 2)])
         number = str(len(lines) + 1) if has_rank(entry) else ""
-        cells = (" / ".join(LOST if one is None else signed(one) for one in each.over(entry, board)) for each in best)
-        reads = [] if narrow else [", ".join(entry["reads"]) or "nothing"]
-        lines.append([number, title(entry), *unknown_cells(entry), *cells, *reads])
+        lines.append([number, title(entry), *unknown_cells(entry), *cells(entry)])
     return table(head, lines)
 
 
 def short_ranking(board: Board) -> str:
     """Write a few entries of the ranking in one line each: unknown arms, and the errors of the nominal laps."""
-    lines = []
-    for entry in ranked(board):
-        if entry["name"] in SHORT:
-            errors = nominal_errors(entry)
-            cells = [LOST if one is None else millimetres(one["rms"]) for one in errors.values()]
-            lines.append([title(entry), *unknown_cells(entry), *cells])
-    return table(["entry", *UNKNOWN, *(f"{lap} lap [mm]" for lap in nominal_errors(board["rows"][0]))], lines)
+    lines = [
+        [title(entry), *unknown_cells(entry), *nominal_cells(entry)]
+        for entry in ranked(board)
+        if entry["name"] in SHORT
+    ]
+    return table(["entry", *UNKNOWN, *NOMINAL], lines)
 
 
 def nominal(board: Board) -> str:
@@ -165,10 +179,15 @@ def _able(lines: Iterable[Sequence[str]]) -> list[Sequence[str]]:
 
 def robustness(board: Board) -> str:
     """Write from where to where each axis of numbers may go, about the nominal value, before a lap is lost."""
-    names = [name for name in board["columns"] if any("kept" in entry["columns"][name] for entry in board["rows"])]
+    names = _with_ends(board)
     heads = [_range(board["columns"][name]) for name in names]
     lines = [[title(entry), *(_kept(entry["columns"][name]) for name in names)] for entry in ranked(board)]
     return table(["entry", *heads], _able(lines))
+
+
+def _with_ends(board: Board) -> list[str]:
+    """Return the names of the axes of numbers."""
+    return [name for name in board["columns"] if any("kept" in entry["columns"][name] for entry in board["rows"])]
 
 
 def _range(column: Mapping[str, Any]) -> str:
@@ -199,6 +218,11 @@ def unknown_cells(entry: Entry) -> list[str]:
     quantiles = (_or_infinite(whole["rms"], what) for what in ("median", "p90"))
     cells = [LOST if np.isinf(one) else millimetres(one) for one in quantiles]
     return [f"{share(whole['lost'] / whole['episodes'])} ({low} to {high})", *cells]
+
+
+def nominal_cells(entry: Entry) -> list[str]:
+    """Write the columns `NOMINAL`."""
+    return [LOST if one is None else millimetres(one["rms"]) for one in nominal_errors(entry).values()]
 
 
 def share(part: float) -> str:
@@ -253,14 +277,13 @@ def _number(value: Any) -> str:
 
 def tables(board: Board) -> dict[str, str]:
     """Write every table for which the board has the columns."""
-    found: dict[str, str] = {}
     names: Sequence[str] = tuple(board["columns"])
     writers: dict[str, Callable[[Board], str]] = {}
     if "nominal" in names:
-        writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
-        if "unknown" in names and board["rows"]:
+        writers |= {"ranking": ranking, "nominal": nominal}
+        if _with_ends(board):
+            writers["robustness"] = robustness
+        if "unknown" in names and any(entry["name"] in SHORT for entry in board["rows"]):
             writers["short_ranking"] = short_ranking
     writers |= {f"axis_{name}": partial(axis, name) for name in names if name != "nominal" and not COLUMNS[name].sample}
-    for name, write in writers.items():
-        found[name] = write(board)
-    return found
+    return {name: write(board) for name, write in writers.items()}

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, DRAWN, PART, measurable, phases
@@ -22,7 +22,7 @@ from flexarm_agents.board.measure import (
     published,
     write,
 )
-from flexarm_agents.board.tables import place, ranking, tables
+from flexarm_agents.board.tables import lap_ranking, place, tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_argument, of_verb, width
 from flexarm_agents.commands.progress import progress_bar
@@ -34,10 +34,11 @@ HEADLINE = tuple(name for name, column in COLUMNS.items() if column.headline)
 DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's columns, and print their places among all entries, whose figures
 come along. Columns: {", ".join(COLUMNS)}; {" and ".join(HEADLINE)} decide the rank and are computed first, with a first
-page after {PART} of {DRAWN} unknown arms. On one core these two take half a minute for an agent or a controller by
-linear algebra, and nine minutes for a predictive controller; all columns take two to four times as long. Cells are kept
-in the output folder under a hash of all that they depend on: an interrupted run goes on where it was, and a changed
-policy computes its own entry only. Without the extra `chain` the chain's cells are left out."""
+page after {PART} of {DRAWN} unknown arms. On one core these two take half a minute for an agent or a fixed linear
+controller, two minutes for an adaptive one, and nine minutes for a predictive controller; all columns take two to four
+times as long. Cells are kept in the output folder under a hash of all that they depend on: an interrupted run goes on
+where it was, and a changed policy computes its own entry only. Without the extra `chain` the chain's cells are left
+out."""
 
 
 def parser() -> Reader:
@@ -62,8 +63,17 @@ def parser() -> Reader:
     return reader
 
 
-def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], list[Failure]]:
-    """Measure what is chosen, write tables and JSON; return the entries, the board, and the cells that failed."""
+class Measured(NamedTuple):
+    """What a run has measured."""
+
+    entries: list[Entry]  # that were chosen
+    results: dict[str, Any]  # a board of those that are whole
+    board: dict[str, Any]  # the same among all entries, where some were chosen
+    failed: list[Failure]
+
+
+def measured(given: argparse.Namespace) -> Measured:
+    """Measure what is chosen; write its figures, and tables in which it stands among all entries."""
     entries = chosen_entries(given.entries, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:
@@ -72,20 +82,20 @@ def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], li
     store = Store(given.output / "cells")
     for columns in phases(chosen):
         results, failed = measure(entries, columns, store, where, lambda total: progress_bar(total, "cells"))
-        write(results, given.output)
-    return entries, results, failed
+        board = beside(results, published() or results) if given.entries or given.add else results
+        write(results, board, given.output)
+    return Measured(entries, results, board, failed)
 
 
 def run(arguments: Sequence[str]) -> None:
     """Measure, write tables and data, print the ranking; an error says which cells could not be computed."""
     given = parser().parse_args(arguments)
-    entries, results, failed = measured(given)
-    board = beside(results, published() or results)
+    entries, results, board, failed = measured(given)
     whole = {"nominal", "unknown"} <= board["columns"].keys()
-    for text in [ranking(board, narrow=True)] if whole else tables(results).values():
+    for text in [lap_ranking(board)] if whole else tables(results).values():
         print(f"{from_markdown(text, width())}\n")
     for entry in entries if whole else ():
         if rank := place(board, entry.name):
             print(f"{entry.name}: rank {rank[0]} of {rank[1]}")
-    print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables beside it")
+    print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables of all beside it")
     check_failures(failed, given.output, INCOMPLETE)

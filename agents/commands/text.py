@@ -33,9 +33,15 @@ def from_markdown(text: str, width: int) -> str:
 
 
 def _prose(text: str, width: int) -> str:
-    text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
-    text = re.sub(r"(?<!\w)\*(\w[^*]*)\*", r"\1", text).replace("`", "")
+    text = _plain(text)
     return _filled(text, width, "  " if text.startswith("- ") else "")
+
+
+def _plain(text: str) -> str:
+    """Return a text without Markdown's links, emphasis, code marks and escapes."""
+    text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"(?<![\w\\])\*(\w[^*]*)\*", r"\1", text).replace("`", "")
+    return re.sub(r"\\([*|])", r"\1", text)
 
 
 def _filled(text: str, width: int, indent: str, first: str = "") -> str:
@@ -53,7 +59,7 @@ def _table(text: str, width: int) -> str:
     """Write a table with its columns in line; as a list if the last one has most of the text and no room for it."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
-    rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]
+    rows = [[_plain(cell) for cell in row] for row in cells]
     widths = _widths(rows, width)
     texts = ["".join(column) for column in zip(*rows, strict=True)]
     longest = max(len(row[-1]) for row in rows)
@@ -70,14 +76,18 @@ def _table(text: str, width: int) -> str:
 
 
 def _widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
-    """Narrow the widest columns until the table fits; no column gets narrower than its longest word."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    """Narrow the widest columns until the table fits: those with a long head first, then all.
+
+    No column gets narrower than its longest word.
+    """
+    table = list(zip(*rows, strict=True))
+    widths = [max(map(len, column)) for column in table]
     room = width - len(_GAP) * (len(widths) - 1)
-    longest = [
-        max((len(word) for cell in column for word in cell.split()), default=1) for column in zip(*rows, strict=True)
-    ]
-    while sum(widths) > room and (wide := [n for n, width in enumerate(widths) if width > longest[n]]):
-        widths[max(wide, key=widths.__getitem__)] -= 1
+    words = [max((len(word) for cell in column for word in cell.split()), default=1) for column in table]
+    bodies = [max([word, *map(len, column[1:])]) for word, column in zip(words, table, strict=True)]
+    for least in (bodies, words):
+        while sum(widths) > room and (wide := [n for n, width in enumerate(widths) if width > least[n]]):
+            widths[max(wide, key=widths.__getitem__)] -= 1
     return widths
 
 

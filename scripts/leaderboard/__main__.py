@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from flexarm_agents.board.columns import COLUMNS, measurable
 from flexarm_agents.board.entries import Entry, all_entries
-from flexarm_agents.board.measure import DATA, INCOMPLETE, PUBLISHED, beside, published, write
+from flexarm_agents.board.measure import DATA, INCOMPLETE, PUBLISHED, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader
@@ -66,7 +66,7 @@ def present(folder: Path, timed: bool = False) -> None:
     """Write the committed board's tables anew, and the pictures that need its figures only; time the entries or not."""
     results = json.loads(PUBLISHED.read_text())
     shutil.rmtree(folder, ignore_errors=True)
-    write(results, folder)
+    write(results, results, folder)
     draw(results, folder / "figures")
     if timed:
         time_entries(all_entries(()), folder)
@@ -105,11 +105,11 @@ def main() -> None:
         present(given.output / "presented", given.times)
         return
     check(given)
-    entries, results, failed = measured(given)
+    entries, results, board, failed = measured(given)
     if given.times:
         time_entries(entries, given.output)
-    draw(beside(results, published() or results) if given.add else results, given.output / "figures")
-    print(tables(results).get("ranking", ""), end="")
+    draw(board, given.output / "figures")
+    print(tables(board).get("ranking", ""), end="")
     print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries")
     check_failures(failed, given.output, INCOMPLETE)
     if given.docs:

@@ -176,6 +176,19 @@ def test_ones_own_entry_stands_among_the_shipped_ones(small: dict[str, Any]) -> 
     assert place(board, "slow") == (1, 3)  # as it was measured now
     assert place(board, "mine") == (2, 3)
     assert set(board["columns"]) == set(columns)
+    assert "| 2 | mine |" in tables(board)["ranking"]
+    assert "robustness" not in tables(board)  # no axis was measured
+
+
+def test_other_entries_stand_at_the_points_that_were_measured(
+    small: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    columns, _ = measurable({"nominal": COLUMNS["nominal"]})
+    every = small["rows"][0]["columns"]["nominal"]["points"]
+    every[3] = {"not_applicable": "on the chain"}
+    board = measuring.beside(measuring.board([], columns), small)
+    assert board["rows"][0]["columns"]["nominal"]["points"] == [*every[:3], every[4]]
 
 
 def test_data_are_as_the_schema_says(small: dict[str, Any]) -> None:
@@ -268,7 +281,10 @@ def test_the_verb_measures_what_it_is_asked_for(
     monkeypatch.setattr(measuring, "COLUMNS", TINY)
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
     verb.run(["--entries", "agent", "--columns", "payload", "--output", str(tmp_path)])
-    assert capsys.readouterr().out.endswith("1 of 1 entries; tables beside it\n")
+    assert capsys.readouterr().out.endswith("1 of 1 entries; tables of all beside it\n")
+    table = (tmp_path / "axis_payload.md").read_text()
+    assert "| agent |" in table
+    assert "| lqg |" in table  # as it was published
     board = json.loads((tmp_path / measuring.DATA).read_text())
     assert [row["name"] for row in board["rows"]] == ["agent"]
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
