@@ -91,11 +91,12 @@ def run(arguments: Sequence[str]) -> None:
     """Measure, write tables and data, print the ranking; an error says which cells could not be computed."""
     given = parser().parse_args(arguments)
     entries, results, board, failed = measured(given)
-    whole = {"nominal", "unknown"} <= board["columns"].keys()
-    for text in [lap_ranking(board)] if whole else tables(results).values():
+    ranks = {"nominal", "unknown"} <= board["columns"].keys()
+    for text in [lap_ranking(board)] if ranks else tables(results).values():
         print(f"{from_markdown(text, width())}\n")
-    for entry in entries if whole else ():
+    for entry in entries if ranks else ():
         if rank := place(board, entry.name):
             print(f"{entry.name}: rank {rank[0]} of {rank[1]}")
-    print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(entries)} entries; tables of all beside it")
+    whole = f"{len(results['rows'])} of {len(entries)} entries"
+    print(f"{given.output / DATA}: board {BOARD}, {whole}; tables of all beside it")
     check_failures(failed, given.output, INCOMPLETE)

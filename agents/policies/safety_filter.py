@@ -26,7 +26,7 @@ from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import number
 
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the way from the backup's torques to the network's
-# Control periods of a prediction: a period of the slowest vibration of the unknown arms with held joints, 0.19 s, in
+# Control periods of a prediction: a period of the slowest vibration of the unknown arms with free joints, 0.19 s, in
 # which a link bends furthest.
 HORIZON = 20
 OWN = 9  # parts of the backup's memory

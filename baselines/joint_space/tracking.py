@@ -62,7 +62,7 @@ class JointFeedback:
         number("rate_filter", self.rate_filter, "s", least=0.0)
 
 
-# The best found without feed-forward, and through the rigid arm's mass matrix; docs/controllers.md has what was tried.
+# Soft gains that complete both laps, without feed-forward and through the rigid arm's mass matrix: docs/controllers.md.
 STIFF = JointFeedback((89.0, 49.0), (342.0, 51.0), 0.05, 0.25)
 DECOUPLED = JointFeedback((0.39, 0.7), (0.62, 2.8), 0.29, 0.25, decoupled=True)
 

@@ -148,7 +148,7 @@ class AdaptiveLQG(LQG):
             late: delay of the motors for which regulators are designed [s]; None: 3 ms, a period if that is shorter.
 
         Raises:
-            ValueError: see `LQG`.
+            ValueError: see `LQG`; if `late` is below 0 or above a control period.
         """
         PlanController.__init__(self, task, plans)
         task.check_true_point()
