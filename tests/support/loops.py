@@ -11,7 +11,7 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import PAPER, Array
-from tests.support.oracle import CORNER, Problem, oracle
+from tests.support.oracle import Problem, oracle
 
 END_EFFECTOR, NEAR_ELBOW = SensorParameters(), SensorParameters(position=0.5)
 SHARED, PER_JOINT = LawParameters(compensation="shared"), LawParameters(compensation="per_joint")
@@ -55,7 +55,7 @@ class LawLoop:
 
 def loop_of(problem: Problem, physics_step: float | None = None) -> LawLoop:
     sensor, law = problem.sensor, problem.law
-    corners = [problem.reference(CORNER * k, CORNER * k)[0] for k in range(4)]
+    corners = [problem.reference(at, at)[0] for at in problem.side_time * np.arange(4)]
     return LawLoop(
         arm=problem.arm,
         sensor=sensor.model,
@@ -70,6 +70,7 @@ def loop_of(problem: Problem, physics_step: float | None = None) -> LawLoop:
         physics_step=physics_step,
         reference="waypoints",
         waypoints=[(at.real, at.imag) for at in corners],
+        lap_time=4.0 * problem.side_time,
     )
 
 

@@ -23,7 +23,7 @@ from flexarm_env.physics.damping import clamped_ratio
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3  # [s] control period
-CORNER = 4.0  # [s] from one corner of the square to the next
+SIDE_TIME = 4.0  # [s] from one corner of the square to the next
 PAPER = ArmParameters.paper()
 COLLOCATED = SensorParameters("collocated")
 PAPER_LAW = LawParameters()
@@ -38,31 +38,52 @@ def mass_and_forces(q: Array, dq: Array, arm: Any) -> tuple[Array, Array]:
     stiffness, damping, complete = arm[10:]
     m, n = len(tip), len(q)
     q1, q2, dq1, dq2 = q[2 : m + 2], q[m + 2 :], dq[2 : m + 2], dq[m + 2 :]
-    angle, rate = q[0] + q[1] + slope @ q1, dq[0] + dq[1] + slope @ dq1
+    angle, rate = q[0] + q[1] + _sum(slope, q1), dq[0] + dq[1] + _sum(slope, dq1)
     e1, e2 = np.exp(1j * q[0]), np.exp(1j * angle)  # along the root tangents; 1j * e1 is across
-    r1, r2 = points1 + 1j * (shapes1 @ q1), points2 + 1j * (shapes2 @ q2)
-    elbow = (length1 + 1j * (tip @ q1)) * e1
-    J1, J2 = np.zeros((len(r1), n), dtype=np.complex128), np.zeros((len(r2), n), dtype=np.complex128)
-    J1[:, 0], J1[:, 2 : m + 2] = 1j * r1 * e1, 1j * shapes1 * e1
-    J2[:, 0], J2[:, 1], J2[:, m + 2 :] = 1j * (elbow + r2 * e2), 1j * r2 * e2, 1j * shapes2 * e2
-    for i in range(m):
-        J2[:, 2 + i] = 1j * (tip[i] * e1 + slope[i] * r2 * e2)
-    elbow_acceleration = -elbow * dq[0] ** 2 - 2.0 * (tip @ dq1) * dq[0] * e1
-    # at q'' = 0
-    acceleration1 = -(r1 * dq[0] + 2.0 * (shapes1 @ dq1)) * dq[0] * e1
-    acceleration2 = elbow_acceleration - (r2 * rate + 2.0 * (shapes2 @ dq2)) * rate * e2
-    weighed1, weighed2 = (np.conj(J1.T) * masses1).copy(), (np.conj(J2.T) * masses2).copy()
-    M = (weighed1 @ J1 + weighed2 @ J2).real.copy()
-    h = (weighed1 @ acceleration1 + weighed2 @ acceleration2).real.copy()
+    elbow = (length1 + 1j * _sum(tip, q1)) * e1
+    elbow_acceleration = -elbow * dq[0] ** 2 - 2.0 * _sum(tip, dq1) * dq[0] * e1  # accelerations are at q'' = 0
+    M, h, J = np.zeros((n, n)), np.zeros(n), np.zeros(n, dtype=np.complex128)
+    for k in range(len(points1)):
+        r = points1[k] + 1j * _sum(shapes1[k], q1)
+        J[0] = 1j * r * e1
+        for i in range(m):
+            J[2 + i] = 1j * shapes1[k, i] * e1
+        _add_point(M, h, masses1[k], J, -(r * dq[0] + 2.0 * _sum(shapes1[k], dq1)) * dq[0] * e1)
+    for k in range(len(points2)):
+        r = points2[k] + 1j * _sum(shapes2[k], q2)
+        J[0], J[1] = 1j * (elbow + r * e2), 1j * r * e2
+        for i in range(m):
+            J[2 + i] = 1j * (tip[i] * e1 + slope[i] * r * e2)
+            J[2 + m + i] = 1j * shapes2[k, i] * e2
+        acceleration = elbow_acceleration - (r * rate + 2.0 * _sum(shapes2[k], dq2)) * rate * e2
+        _add_point(M, h, masses2[k], J, acceleration)
     if not complete:  # C_r (7): the rigid arm's, in the joint rows only
         coupling = np.sum(masses2) * 0.5 * length2 * length1 * np.sin(q[1])
         h[:] = 0.0
         h[0], h[1] = -coupling * (2.0 * dq[0] + dq[1]) * dq[1], coupling * dq[0] ** 2
-    h[2:] += stiffness * q[2:] + damping * dq[2:]
+    for i in range(2 * m):
+        h[2 + i] += stiffness[i] * q[2 + i] + damping[i] * dq[2 + i]
     return M, h
 
 
 @njit(cache=True)
+def _sum(weights: Array, values: Array) -> float:
+    """Return weights @ values, which takes ten times as long to compile."""
+    total = 0.0
+    for i in range(len(weights)):
+        total += weights[i] * values[i]
+    return total
+
+
+@njit(cache=True)
+def _add_point(M: Array, h: Array, mass: float, J: Any, acceleration: complex) -> None:
+    """Add a material point's inertia to M, and its force at q'' = 0 to h. J: its velocities. Shape (n,), complex."""
+    for i in range(len(J)):
+        h[i] += mass * (np.conj(J[i]) * acceleration).real
+        for j in range(len(J)):
+            M[i, j] += mass * (np.conj(J[i]) * J[j]).real
+
+
 def rigid_kinematics(theta1: float, theta2: float, length1: float, distance: float) -> tuple[complex, complex, complex]:
     """p (8), (9) and the columns of J (13), with L2 replaced by the sensor's distance from the elbow."""
     reach = distance * np.exp(1j * (theta1 + theta2))
@@ -70,7 +91,6 @@ def rigid_kinematics(theta1: float, theta2: float, length1: float, distance: flo
     return p, 1j * p, 1j * reach
 
 
-@njit(cache=True)
 def deflected_point(x: Array, arm: Any, distance: float, phi: Array) -> tuple[complex, complex]:
     """Position and velocity of the material point that the "true" sensor sees."""
     length1, tip, slope = arm[0], arm[8], arm[9]
@@ -82,7 +102,6 @@ def deflected_point(x: Array, arm: Any, distance: float, phi: Array) -> tuple[co
     return elbow + reach, 1j * (x[n] * elbow + (tip @ one_rate) * e1 + rate * reach + (phi @ two_rate) * e2)
 
 
-@njit(cache=True)
 def torque(x: Array, late: Array, command: Array, noise: complex, gain: float, arm: Any, law: Any) -> Array:
     """lambda J^T (Kp e + Kd e') (10), (14); `gain` is lambda, `arm` and `law`: see `oracle_arm` and `oracle_law`.
 
@@ -111,7 +130,6 @@ def torque(x: Array, late: Array, command: Array, noise: complex, gain: float, a
     return tau
 
 
-@njit(cache=True)
 def state_rate(x: Array, late: Array, command: Array, noise: complex, gain: float, arm: Any, law: Any) -> Array:
     """d(state)/dt; arguments as of `torque`."""
     n = len(x) // 2
@@ -146,14 +164,19 @@ def oracle_law(problem: Problem, arm: FlexibleArm) -> tuple[Any, ...]:
     return (law.proportional_gain, law.derivative_gain, limit, s.position, arm.modes[1].shape(s.position), *flags)
 
 
-def square_at(time: float, segment_of: float, clockwise: bool) -> tuple[complex, complex]:
-    """Return the paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
+def square_at(time: float, segment_of: float, clockwise: bool, side_time: float) -> tuple[complex, complex]:
+    """Return the paper's square, or a smaller one at the same speed, from its lower left corner.
+
+    `segment_of` picks the side where `time` is a corner's.
+    """
+    corner, velocity = -6.3 - 6.3j, 3.15j if clockwise else 3.15 + 0j
     if segment_of < 0.0:
-        return -6.3 - 6.3j, 0.0
-    side = int(segment_of // CORNER)  # each side is the one before, turned by 90 degrees
-    turn = (-1j if clockwise else 1j) ** side
-    along = 1j if clockwise else 1.0
-    return turn * (-6.3 - 6.3j + along * 3.15 * (time - CORNER * side)), turn * along * 3.15
+        return corner, 0.0
+    side = int(segment_of // side_time)
+    for _ in range(side):  # each side is the one before, turned by 90 degrees
+        corner += velocity * side_time
+        velocity *= -1j if clockwise else 1j
+    return corner + velocity * (time - side_time * side), velocity
 
 
 @dataclass(frozen=True)
@@ -169,6 +192,7 @@ class Problem:
     clockwise: bool = True
     elbow: float = 1.0
     start: Array | None = None  # state; None: at rest on the corner
+    side_time: float = SIDE_TIME
 
     def gains(self) -> Array:
         return np.broadcast_to(np.asarray(self.gain, dtype=float), self.periods)
@@ -201,11 +225,11 @@ class Problem:
         return np.concatenate([[theta1, theta2], np.zeros(4 * self.arm.modes_per_link + 2)])
 
     def reference(self, time: float, segment_of: float) -> tuple[complex, complex]:
-        return square_at(time, segment_of, self.clockwise)
+        return square_at(time, segment_of, self.clockwise, self.side_time)
 
     def breaks(self) -> list[float]:
         """Instants where the right-hand side jumps, and those where a delayed jump arrives."""
-        jumps = {CORNER * k + d for k in range(4) for d in (0.0, *self.delays(), *self.command_delays())}
+        jumps = {self.side_time * k + d for k in range(4) for d in (0.0, *self.delays(), *self.command_delays())}
         for signal in (self.gains()[:, None], self.noises()):
             jumps |= {PERIOD * k for k in 1 + np.flatnonzero(np.any(np.diff(signal, axis=0) != 0.0, axis=1))}
         end = self.periods * PERIOD
