@@ -3,11 +3,9 @@
 import ast
 import builtins
 import importlib.util
-import io
 import keyword
 import pkgutil
 import re
-import tokenize
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -16,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.programs import PACKAGES, ROOT
+from tests.support.syntax import statements
 
 FOLDERS = ("flexarm_env", "baselines", "agents", "scripts", "tests")
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
@@ -24,20 +23,24 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 OTHERS = {*["env", "envs", "run", "gym", "np", "gymnasium", "vector_kwargs", "implicitfast"]}
 WRITTEN = {"json", "csv", "zip", "npz", "md"}  # files that our scripts write
 OUR_PATHS = rf"\b(?:{'|'.join(FOLDERS)}|docs)/[\w/]+\.(?:py|md)\b"  # also outside backquotes
+# A string with its prefix, a comment, or a word.
+STRING = r"""(?:[bfr]{0,2}(?:(?s:"{3}.*?"{3})|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'))"""
+TOKEN = re.compile(rf"{STRING}|#.*|(?P<word>\w+)")
 MADE = {"flexarm_env/unplaced/__init__.py"}  # by a test
 
 
 @cache
 def tokens(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
     """Read a module once: its words, those of strings of plain words among them; comments and strings by lines."""
-    words, written = {path.stem, path.parent.name}, []
-    for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline):
-        if token.type == tokenize.NAME:
-            words.add(token.string)
-        elif token.type in (tokenize.COMMENT, tokenize.STRING):
-            written += [(token.start[0] + offset, line) for offset, line in enumerate(token.string.splitlines())]
-            if re.fullmatch(r"['\"]+[\w. ,]+['\"]+", token.string):
-                words.update(re.findall(r"\w+", token.string))
+    words, written, text = {path.stem, path.parent.name}, [], path.read_text()
+    for token in TOKEN.finditer(text):
+        if token["word"]:
+            words.add(token["word"])
+        else:
+            first = text.count("\n", 0, token.start()) + 1
+            written += enumerate(token[0].splitlines(), first)
+            if re.fullmatch(r"['\"]+[\w. ,]+['\"]+", token[0]):
+                words.update(re.findall(r"\w+", token[0]))
     return words, written
 
 
@@ -45,7 +48,7 @@ def tokens(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
 def top_level(path: Path) -> set[str]:
     """Names that a module defines or imports at its top level, and below its classes."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in statements(ast.parse(path.read_text())):
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 found.add(name)
@@ -61,12 +64,11 @@ def top_level(path: Path) -> set[str]:
 
 
 @cache
-def modules() -> dict[str, set[str]]:
-    """Collect what the modules and packages of a name contain, all of them together."""
-    found: dict[str, set[str]] = defaultdict(set)
+def modules() -> dict[str, list[Path]]:
+    """Collect the modules and packages of a name."""
+    found: dict[str, list[Path]] = defaultdict(list)
     for path in SOURCES:
-        name = path.parent.name if path.name == "__init__.py" else path.stem
-        found[name] |= top_level(path)
+        found[path.parent.name if path.name == "__init__.py" else path.stem].append(path)
     return dict(found)
 
 
@@ -99,7 +101,7 @@ def wrong(reference: str, local: set[str]) -> bool:
     head, *tail = reference.split(".")
     if head in ("scripts", "tests", *PACKAGES):
         return not leads_somewhere(reference)
-    if head in modules() and tail[0] in modules()[head]:
+    if any(tail[0] in top_level(path) for path in modules().get(head, ())):
         return False
     ours = head in local and head not in modules()
     return not (ours or head in OTHERS or _is_library(head))
