@@ -66,7 +66,7 @@ def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tup
     ("arm", "options"),
     [
         *((arm, {"position": position}) for arm in (PAPER, LINEAR) for position in (4.5, 0.5)),
-        *((PAPER, {"position": position}) for position in (0.3, 1.7, 2.4, 3.8, 4.1)),
+        *((PAPER, {"position": position}) for position in (0.3, 2.4, 3.8)),
         (PAPER, {"delay": (0.01, 0.0314)}),
         (PAPER, {"delay": (0.02, 0.0)}),
     ],
@@ -80,7 +80,8 @@ def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
     """
     case = loop(delayed, arm=arm, **options)
     margin = delay_margin(case)
-    below, at, above = (delay_roots(case.with_delay(share * margin.delay), 50).rightmost for share in (0.97, 1.0, 1.03))
+    shares = ((0.97, 30), (1.0, 50), (1.03, 30))  # fewer nodes where the sign alone is asked for
+    below, at, above = (delay_roots(case.with_delay(s * margin.delay), nodes).rightmost for s, nodes in shares)
     assert abs(at.real) < 1e-6 * abs(at)
     assert abs(at.imag) == pytest.approx(margin.omega, rel=1e-6)
     assert below.real < 0.0 < above.real
@@ -170,7 +171,7 @@ def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none(
     ((low, high),) = ((interval.low, interval.high) for interval in stable_gains(case))
     assert low == 0.0
     assert high == pytest.approx(0.00295, rel=0.01)
-    below, above = (delay_roots(case.with_gain(share * high), 60).rightmost for share in (0.98, 1.02))
+    below, above = (delay_roots(case.with_gain(share * high), 40).rightmost for share in (0.98, 1.02))
     assert below.real < 0.0 < above.real
 
 

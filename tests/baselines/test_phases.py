@@ -22,13 +22,13 @@ from tests.support.late_arm import plan as small_plan
 from tests.support.refusals import refuses
 
 ARM = ArmParameters.linear(modes_per_link=1, payload_mass=0.6)
-LAP, CHANGES = 16.0, ((0.2, None), (0.7, 0.1))
+LAP, CHANGES = 16.0, ((0.2, None), (0.45, 0.1))
 SHORT: dict[str, Any] = {"reference": "stops", "payload_changes": CHANGES, "lap_time": LAP}
 OPTIONS: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1, "payload_mass": 0.6}, **SHORT}
 
 
 def payloads() -> np.ndarray:
-    return np.repeat([0.1, np.nan, 0.1], [320, 800, 480])
+    return np.repeat([0.1, np.nan, 0.1], [320, 400, 880])
 
 
 def planned() -> Plan:
@@ -51,11 +51,9 @@ def test_a_plan_is_the_motion_of_the_environment_whose_payload_changes() -> None
     np.testing.assert_allclose(plan.replay().states, plan.states, atol=1e-9)
     env = make(**OPTIONS, start="corner", elbow_branch="negative", physics_step=plan.step, error_limit=None)
     actions = iter(plan.torques / plan.limits)
-    run = run_policy(env, lambda observation: np.float32(next(actions)), lap="plain", max_steps=1300)
-    np.testing.assert_allclose(run.state[:1300], plan.states[:1300], atol=2e-3)  # actions are float32
-    assert (
-        np.abs(run.state[:1300] - PlanRegulator(replace(plan, payloads=None)).plan.replay().states[:1300]).max() > 0.1
-    )
+    run = run_policy(env, lambda observation: np.float32(next(actions)), lap="plain", max_steps=880)
+    np.testing.assert_allclose(run.state[:880], plan.states[:880], atol=2e-3)  # actions are float32
+    assert np.abs(run.state[:880] - PlanRegulator(replace(plan, payloads=None)).plan.replay().states[:880]).max() > 0.1
 
 
 def test_feedback_of_torques_goes_on_where_the_payload_changes() -> None:
@@ -78,7 +76,7 @@ def test_arrays_of_other_numbers_are_converted(monkeypatch: pytest.MonkeyPatch) 
 def test_jacobians_are_those_of_the_arm_of_each_stretch() -> None:
     plan, own = planned(), list(ARM_QUANTITIES).index("payload_mass")
     found = LinearQuadratic.along(plan, GOOD, plan.arm)
-    for period, mass in ((100, 0.1), (700, 0.6), (1500, 0.1)):
+    for period, mass in ((100, 0.1), (500, 0.6), (1500, 0.1)):
         arm = FlexibleArm(replace(ARM, payload_mass=mass))
         one = arm.step_jacobians(plan.states[period], plan.torques[period], plan.period, step=plan.step)
         np.testing.assert_allclose(found.by_state[period], one.by_state, rtol=1e-6, atol=1e-9)
@@ -88,7 +86,7 @@ def test_jacobians_are_those_of_the_arm_of_each_stretch() -> None:
 def test_feed_forward_is_that_of_the_arm_of_each_stretch() -> None:
     task = Task.of(make(**JointTracking.options(), **OPTIONS))
     found = JointTracking(task).targets(-1.0, 0).torques
-    for mass, stretch in ((0.1, slice(0, 300)), (0.6, slice(340, 1100)), (0.1, slice(1140, 1600))):
+    for mass, stretch in ((0.1, slice(0, 300)), (0.6, slice(340, 700)), (0.1, slice(740, 1600))):
         one = replace(task, arm=replace(task.arm, payload_mass=mass), payloads=None)
         np.testing.assert_allclose(found[stretch], JointTracking(one).targets(-1.0, 0).torques[stretch], atol=1e-6)
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParameters, inverse_kinematics, square
@@ -161,6 +161,7 @@ def test_a_path_keeps_its_own_table() -> None:
     np.testing.assert_array_equal(path.velocity([0.5, 2.0]), [(1.0, 0.0), (-0.5, 0.0)])
 
 
+@settings(max_examples=30)
 @given(st.floats(0.05, 1.0), st.floats(0.0, 1.0))
 def test_a_path_with_blended_corners_is_its_running_mean(corner_time: float, share: float) -> None:
     sharp = square(SquareParameters(lap_time=4.0))
@@ -172,6 +173,7 @@ def test_a_path_with_blended_corners_is_its_running_mean(corner_time: float, sha
     np.testing.assert_allclose(smooth.table[place, 1:], mean, atol=12.6 * 2**0.5 * corner_time / count**2 + 1e-12)
 
 
+@settings(max_examples=30)
 @given(st.floats(0.02, 3.5))
 def test_the_velocity_turns_at_a_constant_rate(corner_time: float) -> None:
     """The turn of 90 degrees at 3.15 m/s, over the blend; between two rows the velocity jumps by so much."""

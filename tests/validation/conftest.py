@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib.pyplot as plt
 import pytest
 from matplotlib.figure import Figure
 
@@ -37,8 +38,8 @@ def checked(*checks: Check) -> Callable[[Check, Page], None]:
 
 
 class Page:
-    def __init__(self, record: Callable[[str, object], None], figures: Path) -> None:
-        """Write into a report; `record` adds a property to it."""
+    def __init__(self, record: Callable[[str, object], None], figures: Path | None) -> None:
+        """Write into a report; `record` adds a property to it, `figures` is where its pictures lie."""
         self._record, self._figures = record, figures
 
     def check(self, check: Check) -> None:
@@ -55,10 +56,14 @@ class Page:
         self._record("table", json.dumps({name: table(header, rows)}))
 
     def picture(self, figure: Figure, name: str, title: str = "") -> None:
-        """Save a picture; `title`: what its panels compare."""
+        """Save a picture, or only lay it out if there is no report; `title`: what its panels compare."""
         if title:
             headline(figure, title)
-        save(figure, self._figures, name)
+        if self._figures:
+            save(figure, self._figures, name)
+        else:
+            figure.draw_without_rendering()
+            plt.close(figure)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
@@ -74,9 +79,10 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 @pytest.fixture
-def page(request: pytest.FixtureRequest, record_property: Callable[[str, object], None], tmp_path: Path) -> Page:
+def page(request: pytest.FixtureRequest, record_property: Callable[[str, object], None]) -> Page:
     """Record figures in the report, if there is one, and draw pictures beside it."""
     report = request.config.getoption("xmlpath")
-    figures = Path(report).resolve().parent / "figures" if report else tmp_path
-    figures.mkdir(parents=True, exist_ok=True)
+    figures = Path(report).resolve().parent / "figures" if report else None
+    if figures:
+        figures.mkdir(parents=True, exist_ok=True)
     return Page(record_property, figures)
