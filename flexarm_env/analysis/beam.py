@@ -32,9 +32,8 @@ from flexarm_env.validation import instance, integer, number
 
 Array = NDArray[np.float64]
 _POINTS_PER_UNIT = 40  # of kappa L and k L in the search for sign changes; roots are about pi or more apart
-_LARGEST = (
-    1000.0  # kappa L and k L up to which is searched: waves a thousandth of the link long, far beyond a slender beam
-)
+# kappa L and k L up to which is searched: waves a thousandth of the link long, far beyond a slender beam
+_LARGEST = 1000.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,6 @@ from flexarm_env.analysis.sweep import bisected, determinant, frequencies, mixed
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Bools = NDArray[np.bool_]
 
 TURN = 2.0 * np.pi
 _THIRDS = 45  # of an interval, for a minimum: to the root of the last bit
@@ -139,6 +138,11 @@ def _opening(loop: LawLoop, omega: Array) -> tuple[Array, Array]:
         return np.angle(q), c / (2.0 * np.abs(q))
 
 
+def _beyond(loop: LawLoop, omega: Array) -> Array:
+    """Return by how much the cosine's magnitude exceeds 1; there are curves where it does not. Shape (k,)."""
+    return np.asarray(np.abs(_opening(loop, omega)[1]) - 1.0)
+
+
 def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Complex, Complex]:
     """Return D0, D1 (of the longer delay), D2, D12. Shape (k,) each."""
     terms = loop.loop_terms(omega)
@@ -151,19 +155,16 @@ def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Comple
 def _curve_points(loop: LawLoop) -> Array:
     """Return the frequencies that separate both curves, and the gaps between their pieces [rad/s]. Shape (k,)."""
 
-    def there(at: Array) -> Bools:
-        return np.asarray(np.abs(_opening(loop, at)[1]) <= 1.0)
-
     def shape(at: Array) -> Array:
         cosine = np.clip(_opening(loop, at)[1], -2.0, 2.0)
         return np.concatenate([cosine[:, None], _phases(loop, at).reshape(len(at), 4)], axis=1)
 
     omega = _refined(shape, frequencies(loop))
     omega = np.unique(np.concatenate([omega, _turning(loop, omega)]))
-    has = there(omega)
+    has = _beyond(loop, omega) <= 0.0
     index = np.nonzero(has[:-1] != has[1:])[0]
     low, high = omega[index], omega[index + 1]
-    end = bisected(lambda middle: there(middle) == has[index], low, high)
+    end = bisected(lambda middle: (_beyond(loop, middle) <= 0.0) == has[index], low, high)
     ends = (end + np.outer(_NEAR_END, side - end) for side in (low, high))
     return _refined(shape, np.unique(np.concatenate([omega, *ends], axis=None)))
 
@@ -190,18 +191,14 @@ def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
 
 def _turning(loop: LawLoop, omega: Array) -> Array:
     """Return where the cosine turns between points of the grid: there a pair of curves, or a gap in one, may hide."""
-
-    def above(at: Array) -> Array:
-        return np.asarray(np.abs(_opening(loop, at)[1]) - 1.0)
-
-    value = above(omega)
+    value = _beyond(loop, omega)
     sign = np.sign(value[1:-1])  # outside a pair a minimum is looked for, inside a maximum
     least = (sign * value[1:-1] <= sign * value[:-2]) & (sign * value[1:-1] <= sign * value[2:])
     index = np.nonzero(least)[0] + 1
     sign, low, high = sign[index - 1], omega[index - 1], omega[index + 1]
     for _ in range(_THIRDS):
         one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
-        first = sign * above(one) < sign * above(two)
+        first = sign * _beyond(loop, one) < sign * _beyond(loop, two)
         low, high = np.where(first, low, one), np.where(first, two, high)
     return 0.5 * (low + high)
 

@@ -14,7 +14,6 @@ Source: Walton & Marshall, *Direct method for TDS stability analysis*, IEE Proc.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,17 +84,18 @@ def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
     for index, branch in zip(*np.nonzero(turns & ahead), strict=True):
         start = roots[index, branch]
 
-        def imaginary(w: float, start: complex = start) -> float:
-            candidates = _gain_roots(loop, np.array([w]))[0]
-            return float(candidates[np.argmin(np.abs(candidates - start))].imag)
+        def nearest(at: float, start: complex = start) -> complex:
+            candidates = _gain_roots(loop, np.array([at]))[0]
+            return complex(candidates[np.argmin(np.abs(candidates - start))])
 
-        w = _crossing(imaginary, omega[index], omega[index + 1])
-        if w is None:
+        low, high = omega[index : index + 2].tolist()
+        try:
+            w = float(brentq(lambda at, root=nearest: root(at).imag, low, high, xtol=1e-14 * high, rtol=1e-14))
+            factor = nearest(w)
+        except (ValueError, np.linalg.LinAlgError):  # no change of sign, or a pole of an undamped arm: lambda is 0
             continue
-        candidates = _gain_roots(loop, np.array([w]))[0]
-        factor = candidates[np.argmin(np.abs(candidates - start))]
-        if factor.real > SMALLEST_GAIN and abs(factor.imag) < 1e-6 * factor.real:
-            found.append(GainCrossing(float(factor.real), w))
+        if factor.real > SMALLEST_GAIN and abs(factor.imag) < 1e-6 * factor.real:  # else it jumps
+            found.append(GainCrossing(factor.real, w))
     return sorted(found, key=lambda crossing: crossing.factor)
 
 
@@ -124,7 +124,7 @@ def _late_roots(loop: LawLoop, omega: Array) -> Complex:
     """Return the roots z of det(1 + L0 + z (L1 + L2)), by size. Shape (k, 2)."""
     terms = loop.loop_terms(omega)
     now, late = np.eye(2) + terms[:, 0], terms[:, 1] + terms[:, 2]
-    roots = _roots(np.stack([determinant(now), mixed(now, late), determinant(late)], axis=1))
+    roots = _roots(determinant(late), mixed(now, late), determinant(now))
     return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
 
 
@@ -132,25 +132,15 @@ def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
     """Return the roots g of det(1 + g L). Shape (k, 2)."""
     matrices = loop.loop_transfer(omega)
     trace = matrices[:, 0, 0] + matrices[:, 1, 1]
-    return _roots(np.stack([np.ones_like(trace), trace, determinant(matrices)], axis=1))
+    return _roots(determinant(matrices), trace, np.ones_like(trace))
 
 
-def _roots(coefficients: Complex) -> Complex:
-    """Return the roots of many polynomials, as reciprocals of the eigenvalues of the reversed ones' companion matrices.
-
-    Args:
-        coefficients: lowest power first, which is not 0. Shape (k, degree + 1).
-
-    Returns:
-        Shape (k, degree); a degree that is not there gives a root at infinity.
-    """
-    count, degree = coefficients.shape[0], coefficients.shape[1] - 1
-    companion = np.zeros((count, degree, degree), dtype=complex)
-    companion[:, 0] = -coefficients[:, 1:] / coefficients[:, :1]
-    companion[:, 1:, :-1] = np.eye(degree - 1)
-    reciprocals = np.linalg.eigvals(companion)
+def _roots(a: Complex, b: Complex, c: Complex) -> Complex:
+    """Return the roots of a x^2 + b x + c, c not 0; infinity where a is 0. Shape (k, 2)."""
+    root = np.sqrt(b**2 - 4.0 * a * c)
+    half = -0.5 * (b + np.where((b.conj() * root).real < 0.0, -root, root))  # without cancellation
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(reciprocals == 0.0, np.inf, 1.0 / reciprocals)
+        return np.stack([c / half, np.where(a == 0.0, np.inf, half / a)], axis=1)
 
 
 def _paired(roots: Complex) -> Complex:
@@ -164,16 +154,3 @@ def _paired(roots: Complex) -> Complex:
         if crossed < straight:
             ordered[i] = now[::-1]
     return ordered
-
-
-def _crossing(function: Callable[[float], float], low: float, high: float) -> float | None:
-    """Return where a function changes sign; None if it does not, or jumps."""
-    ends = function(low), function(high)
-    if not np.all(np.isfinite(ends)) or ends[0] * ends[1] >= 0.0:
-        return None
-    try:
-        root = float(brentq(function, low, high, xtol=1e-14 * high, rtol=1e-14))
-        value = function(root)
-    except np.linalg.LinAlgError:  # it shrinks onto a pole of an undamped arm, where lambda is 0
-        return None
-    return root if abs(value) < 1e-6 * max(1.0, abs(ends[0]), abs(ends[1])) else None
