@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
 
 from flexarm_env.analysis.law_loop import LawLoop
 from flexarm_env.validation import instance, integer
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
@@ -53,11 +53,15 @@ def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
         return DelayRoots(_rightmost(loop.undelayed_poles()))
     linear = loop.point.linearisation
     actions = [-loop.gain * linear.B @ np.hstack([term.P, term.V]) for term in loop.terms]
-    x, derivative = _chebyshev(nodes)
+    # Values on Chebyshev nodes of [-1, 1], the present at 1; the weights are those of barycentric interpolation.
+    weights = (-1.0) ** np.arange(nodes + 1)
+    weights[[0, -1]] *= 0.5
+    x = np.cos(np.pi * np.arange(nodes + 1) / nodes)
+    history = BarycentricInterpolator(x, np.eye(nodes + 1), wi=weights)
     size, longest = len(linear.A), max(1.0, loop.ratio)
-    late = [_interpolation(x, 1.0 - 2.0 * share / longest) for share in (0.0, 1.0, loop.ratio)]
-    matrix = np.kron(derivative * (2.0 / (longest * loop.delay)), np.eye(size))
-    matrix[:size] = np.kron(late[0], linear.A)
+    late = history(1.0 - 2.0 / longest * np.array([0.0, 1.0, loop.ratio]))
+    matrix = np.kron(history.derivative(x) * (2.0 / (longest * loop.delay)), np.eye(size))
+    matrix[:size] = np.kron(late[:1], linear.A)
     for action, row in zip(actions, late, strict=True):
         matrix[:size] += np.kron(row, action)
     return DelayRoots(_rightmost(np.linalg.eigvals(matrix).astype(complex)))
@@ -65,25 +69,3 @@ def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
 
 def _rightmost(values: Complex) -> Complex:
     return values[np.argsort(-values.real, kind="stable")]
-
-
-def _chebyshev(count: int) -> tuple[Array, Array]:
-    """Return the nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
-    x = np.cos(np.pi * np.arange(count + 1) / count)
-    weight = np.ones(count + 1)
-    weight[[0, -1]] = 2.0
-    weight *= (-1.0) ** np.arange(count + 1)
-    difference = x[:, None] - x[None, :]
-    matrix = np.outer(weight, 1.0 / weight) / (difference + np.eye(count + 1))
-    return x, matrix - np.diag(matrix.sum(axis=1))
-
-
-def _interpolation(x: Array, at: float) -> Array:
-    """Return the row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
-    difference = at - x
-    if np.any(np.abs(difference) < 1e-14):
-        return np.eye(1, len(x), int(np.argmin(np.abs(difference))))
-    weight = (-1.0) ** np.arange(len(x))
-    weight[[0, -1]] *= 0.5
-    terms = weight / difference
-    return (terms / terms.sum())[None]

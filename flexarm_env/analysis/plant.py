@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import factorial
+from math import comb, perm
 from numbers import Number
 from pathlib import Path
 from typing import Any
@@ -265,13 +265,9 @@ def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
     """Return the state-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
     if delay == 0.0:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    k = np.arange(order + 1)
-    weight = [
-        factorial(2 * order - j) * factorial(order) / (factorial(2 * order) * factorial(j) * factorial(order - j))
-        for j in k
-    ]
-    denominator = np.array(weight)[::-1] / weight[-1]  # monic, highest power of (s delay) first
-    numerator = denominator * (-1.0) ** k[::-1]
+    weight = np.array([comb(order, j) / perm(2 * order, j) for j in range(order + 1)])
+    denominator = weight[::-1] / weight[-1]  # monic, highest power of (s delay) first
+    numerator = denominator * (-1.0) ** np.arange(order, -1, -1)
     a = np.zeros((order, order))
     a[0], a[1:, :-1] = -denominator[1:], np.eye(order - 1)
     c = (numerator[1:] - numerator[0] * denominator[1:])[None]
