@@ -106,7 +106,7 @@ def identify(
 
 def _identified(fit: Fit, unknown: Array, noise: dict[str, float], spread: Mapping[str, float]) -> Identified:
     """Return what a fit found, with deviations, intervals, and the share of the readings' spread that it explains."""
-    values, deviation = unknown[: len(fit.names)], _deviations(fit, unknown, fit.names)
+    values, deviation = unknown[: len(fit.names)], _deviations(fit, unknown)
     width = norm.ppf(0.5 + 0.5 * CONFIDENCE) * deviation
     return Identified(
         arm=with_values(fit.arm, dict(zip(fit.names, values, strict=True))),
@@ -207,13 +207,13 @@ def _windows(recordings: Sequence[Recording], window: float) -> tuple[Array, dic
     return whole("torque", 0.0), {name: whole(name) for name in first.channels}, first.period
 
 
-def _deviations(fit: Fit, unknown: Array, names: Sequence[str]) -> Array:
-    """Return the standard deviations of the parameters, the first of the unknown numbers. Shape (len(names),).
+def _deviations(fit: Fit, unknown: Array) -> Array:
+    """Return the standard deviations of the parameters, the first of the unknown numbers. Shape (parameters,).
 
     Raises:
         ValueError: for parameters that the recordings do not tell apart, or too few readings.
     """
-    slopes = fit.jacobian(unknown)
+    slopes, names = fit.jacobian(unknown), fit.names
     scale = np.linalg.norm(slopes, axis=0)
     scale[scale == 0.0] = 1.0
     _, size, directions = np.linalg.svd(slopes / scale, full_matrices=False)

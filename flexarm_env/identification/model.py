@@ -181,10 +181,9 @@ class Model:
             columns = dict(zip(self._names, np.moveaxis(whole[..., 1:], -1, 0), strict=False))
             columns["actuation_delay"] = -change
             columns["delay"] = -change if channel == "tip" else np.zeros_like(change)
-            own = [columns[name] for name in values]
+            own = [columns[name][..., None] for name in values]
             results[channel] = whole[..., :1]
-            first = whole[..., 1 + len(self._names) :]
-            derivatives[channel] = np.concatenate([np.stack(own, axis=-1), first], axis=-1) if own else first
+            derivatives[channel] = np.concatenate([*own, whole[..., 1 + len(self._names) :]], axis=-1)
         return results, derivatives
 
     def _at(self, whole: Array, late: float) -> tuple[Array, Array]:

@@ -96,15 +96,15 @@ class Recording:
             raise ValueError(f"{path}: must be a table of {', '.join(COLUMNS)}; missing {missing}, unknown {strange}")
         if len(rows) < 2:
             raise ValueError(f"{path}: must have two rows of numbers at least, got {len(rows)}")
-        table: dict[str, Array] = dict(zip(given, np.empty((len(given), len(rows))), strict=True))
+        numbers = []
         for n, row in enumerate(rows):
             try:
                 if len(row) != len(given):
                     raise ValueError(f"must have {len(given)} cells, has {len(row)}")
-                for name, cell in zip(given, row, strict=True):
-                    table[name][n] = float(cell or "nan")
+                numbers.append([float(cell or "nan") for cell in row])
             except ValueError as error:
                 raise ValueError(f"{path}: row {n + 1} below the header, {','.join(row)!r}: {error}") from None
+        table: dict[str, Array] = dict(zip(given, np.transpose(numbers), strict=True))
         steps = np.diff(table["time"])
         if not np.all(np.abs(steps - steps.mean()) < 0.01 * steps.mean()):
             raise ValueError(
