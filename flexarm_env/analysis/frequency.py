@@ -57,6 +57,8 @@ def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
     """
     instance("plant", plant, Plant)
     frequencies = finite_array("omega", omega, (None,))
+    if not len(frequencies):
+        raise ValueError("omega = []: must have one frequency at least [rad/s]")
     return FrequencyResponse(frequencies, np.array([plant.at(1j * w) for w in frequencies]), plant.delays)
 
 

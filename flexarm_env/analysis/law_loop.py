@@ -29,7 +29,7 @@ from flexarm_env.parameters import LawParameters, SensorParameters, SensorTraits
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import finite_array, instance, number
+from flexarm_env.validation import choice, finite_array, instance, number
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -189,9 +189,8 @@ def law_loop(
     turning = np.zeros_like(stiffness)
     turning[:, :2] = -law.proportional_gain * _turned(lengths[0], sensor.position, angles, error)
     nothing = np.zeros_like(stiffness)
-    late_rate = sensor.delayed == "position+rate"
-    shoulder, elbow = (c * stiffness for c in _columns(arm.size, sensor.traits))
-    rates = [c * resistance if late_rate else nothing for c in _columns(arm.size, sensor.traits)]
+    current, late = (nothing, resistance) if sensor.delayed == "position+rate" else (resistance, nothing)
+    shoulder, elbow = (Feedback(c * stiffness, c * late) for c in _columns(arm.size, sensor.traits))
     delay, ratio = _delays(sensor, lengths[0])
     return LawLoop(
         point=point,
@@ -199,9 +198,9 @@ def law_loop(
         gain=lambda_,
         delay=delay,
         ratio=ratio,
-        current=Feedback(turning, nothing if late_rate else resistance),
-        shoulder=Feedback(shoulder, rates[0]),
-        elbow=Feedback(elbow, rates[1]),
+        current=Feedback(turning, current),
+        shoulder=shoulder,
+        elbow=elbow,
     )
 
 
@@ -218,6 +217,7 @@ def rest_angles(arm: FlexibleArm, reference: ArrayLike, distance: float, elbow_b
         theta1, theta2 [rad], Shape (2,), and the error left [m], Shape (2,).
     """
     target = finite_array("reference", reference, (2,))
+    choice("elbow_branch", elbow_branch, ("positive", "negative"))
     length = arm.parameters.link_lengths[0]
     away = float(np.linalg.norm(target))
     if away >= length + distance:

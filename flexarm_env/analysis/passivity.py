@@ -73,8 +73,8 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
     if not all(sensor.rate for sensor in plant.sensors):
         raise ValueError(f"plant: its outputs {list(plant.outputs)} must be rates; take `sensor.rates()`")
     frequencies = finite_array("omega", omega, (None,))
-    if np.any(frequencies <= 0.0):
-        raise ValueError(f"omega = {float(frequencies.min())!r}: must be > 0 [rad/s]")
+    if not len(frequencies) or np.any(frequencies <= 0.0):
+        raise ValueError(f"omega = {shown(omega)}: must be > 0 [rad/s], and one at least")
     slope = number("growth", growth, least=0.0)
     smallest, size = np.empty_like(frequencies), np.empty_like(frequencies)
     for i, w in enumerate(frequencies):

@@ -8,7 +8,6 @@ Source: Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a n
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +51,8 @@ class Sensor:
         integer("link", self.link, 1, 2)
         if self.kind == "rigid point" and self.link != 2:
             raise ValueError(f"link = {self.link}: a rigid point is on link 2; of link 1 take a true point")
+        if self.kind == "joint angles" and (self.link, self.position) != (2, None):
+            raise ValueError(f"link = {self.link}, position = {self.position}: joint angles have neither")
         if self.position is not None:
             object.__setattr__(self, "position", number("position", self.position, "m", least=0.0))
         flag("rate", self.rate)
@@ -95,13 +96,17 @@ class Sensor:
 
     def jacobian(self, point: OperatingPoint, q: Array) -> Array:
         """Return d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
-        readings: dict[str, Callable[[OperatingPoint, Array], Array]] = {
-            "joint angles": _joint_angles,
-            "strain": self._curvature,
-            "rigid point": self._rigid_point,
-            "true point": self._true_point,
-        }
-        return readings[self.kind](point, q)
+        if self.kind == "joint angles":
+            return np.eye(2, len(q))
+        place = self._place(point)
+        if self.kind == "true point":
+            return point.arm.point_jacobian(q, self.link, place)
+        if self.kind == "rigid point":
+            jacobian = rigid_jacobian(point.arm.parameters.link_lengths[0], place, q)
+            return np.hstack([jacobian, np.zeros((2, len(q) - 2))])
+        curvature = np.zeros((2, point.arm.parameters.modes_per_link))  # by the modal coordinates of each link
+        curvature[self.link - 1] = point.arm.modes[self.link - 1].curvature(place)
+        return np.concatenate([np.zeros(2), *curvature])[None]
 
     def _jacobian_rate(self, point: OperatingPoint) -> Array:
         def difference(step: float) -> Array:
@@ -113,32 +118,13 @@ class Sensor:
         step = _STEP / float(np.abs(point.rates).max())
         return (4.0 * difference(0.5 * step) - difference(step)) / 3.0
 
-    def _place(self, point: OperatingPoint, link: int) -> float:
-        length = point.arm.parameters.link_lengths[link - 1]
+    def _place(self, point: OperatingPoint) -> float:
+        length = point.arm.parameters.link_lengths[self.link - 1]
         if self.position is None:
             return length
         if self.position > length:
-            raise ValueError(f"position = {self.position} m: must be on link {link}, 0 to {length} [m]")
+            raise ValueError(f"position = {self.position} m: must be on link {self.link}, 0 to {length} [m]")
         return self.position
-
-    def _curvature(self, point: OperatingPoint, q: Array) -> Array:
-        modes = point.arm.modes[self.link - 1]
-        count = point.arm.parameters.modes_per_link
-        first = 2 + (self.link - 1) * count
-        matrix = np.zeros((1, len(q)))
-        matrix[0, first : first + count] = modes.curvature(self._place(point, self.link))
-        return matrix
-
-    def _rigid_point(self, point: OperatingPoint, q: Array) -> Array:
-        jacobian = rigid_jacobian(point.arm.parameters.link_lengths[0], self._place(point, 2), q)
-        return np.hstack([jacobian, np.zeros((2, len(q) - 2))])
-
-    def _true_point(self, point: OperatingPoint, q: Array) -> Array:
-        return point.arm.point_jacobian(q, self.link, self._place(point, self.link))
-
-
-def _joint_angles(_: OperatingPoint, q: Array) -> Array:
-    return np.eye(2, len(q))
 
 
 def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
