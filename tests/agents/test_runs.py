@@ -7,6 +7,7 @@ import re
 import shutil
 import signal
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,27 +27,38 @@ from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import DESCENDED, TAUGHT, TINIES, TINY, at_step, broken_off, same_policy
+from tests.support.trainings import (
+    DESCENDED,
+    TAUGHT,
+    TINIES,
+    TINY,
+    at_step,
+    broken_off,
+    same_policy,
+    short_rollouts,
+    without_pictures,
+)
 
 CASES = {"ppo": TINY, **TINIES, "dagger": TAUGHT, "fopg": DESCENDED}
 # Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
 # also while its actions are still drawn at random.
-BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (2000, 3500), "fopg": (100, 160, 175)}
+BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (500, 900), "fopg": (100, 160, 175)}
 SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
     ("ppo", signal.SIGINT, 15, 128),
     ("ppo", signal.SIGTERM, 75, 384),
     ("tqc", signal.SIGTERM, 75, 304),
-    ("dagger", signal.SIGTERM, 2000, 12800),
+    ("dagger", signal.SIGTERM, 500, 3200),
     ("fopg", signal.SIGTERM, 50, 64),
 ]
 CONTAINED = ("recurrent_ppo", "sac", "lags")  # others of `CASES` have each of these, and more
-STEPS = {"dagger": [6400, 12800, 19200], "fopg": [64, 128, 192, 256]}
+STEPS = {"dagger": [1600, 3200, 4800], "fopg": [64, 128, 192, 256]}
 ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
 ENCODERS |= {"dagger": PastReadings, "privileged": PastReadings}
 LEFT = {
     "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "laps.png",
     "last_policy.npz", "learning_curve.png", "tensorboard", "versions.json",
 }  # fmt: skip
+PICTURES = ("laps.png", "learning_curve.png")
 MORE = {"dagger": {"plans"}, "fopg": set(), "initial": {"best_model.zip", "initial_policy.npz"}}
 
 
@@ -57,25 +69,30 @@ def case(name: str, *rest: Any) -> Any:
 class Runs:
     """Each training once, undisturbed; their folders must not be changed."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, taught: Path) -> None:
+        self.folder, self.taught = folder, taught
 
     def config(self, name: str, **changes: Any) -> Any:
-        values = dict(CASES[name])
-        if name == "dagger" and (plans := self.folder / name / "plans").exists():
-            values["plans"] = str(plans)
-        return config_of(**values | changes)
+        plans = {"plans": str(self.taught / "plans")} if name == "dagger" else {}
+        return config_of(**CASES[name] | plans | changes)
 
     def __call__(self, name: str) -> Path:
-        folder = self.folder / name
+        folder = self.taught if name == "dagger" else self.folder / name
         if not folder.exists():
             train(self.config(name), folder)
         return folder
 
 
+@pytest.fixture(scope="module", autouse=True)
+def tiny() -> Iterator[None]:
+    """Draw the pictures of one training only, and teach for the first seconds of a lap."""
+    with without_pictures(but="ppo"), short_rollouts():
+        yield
+
+
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    return Runs(tmp_path_factory.mktemp("runs"))
+def runs(tmp_path_factory: pytest.TempPathFactory, taught: Path) -> Runs:
+    return Runs(tmp_path_factory.mktemp("runs"), taught)
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -93,6 +110,7 @@ def test_what_a_training_leaves(runs: Runs, name: str) -> None:
     run, rows = runs(name), evaluations(runs(name))
     assert {path.name for path in run.iterdir()} == LEFT | MORE.get(name, {"best_model.zip"})
     assert list((run / "tensorboard").glob("events.out.tfevents.*"))
+    assert all(((run / picture).stat().st_size > 1000) == (name == "ppo") for picture in PICTURES)
     if name in ("ppo", *STEPS):
         assert [row["steps"] for row in rows] == STEPS.get(name, [256, 512])
     with (run / "evaluations.csv").open(newline="") as file:

@@ -120,7 +120,7 @@ def test_the_backups_own_proposals_act_and_change_nothing() -> None:
     observation, _ = env.reset(seed=0, options=LAPS["plain"].reset_options())
     memory = own = None
     shares = []
-    for _ in range(300):
+    for _ in range(80):
         expected, own = alone.predict(observation, own)
         proposes.action = expected
         action, memory = behind.predict(observation, memory)
@@ -130,7 +130,7 @@ def test_the_backups_own_proposals_act_and_change_nothing() -> None:
         shares.append(memory[OWN][0])
         observation, *_ = env.step(action)
     # at first the backup believes in another arm, which it drives hard; it acts there, which is the same
-    assert np.mean(shares) > 0.98
+    assert min(shares[10:]) == 1.0
 
 
 def test_torques_that_act_move_the_belief_as_the_backups_own_filter_would() -> None:
@@ -153,10 +153,10 @@ def test_a_push_that_loses_the_arm_does_not_behind_the_filter(lap: str) -> None:
     env, behind, memory = made(), around(Proposes()), None
     begin = LAPS[lap].reset_options()
     observation, _ = env.reset(seed=0, options=begin)
-    ended = [env.step(PUSH)[2] for _ in range(200)]
+    ended = [env.step(PUSH)[2] for _ in range(80)]
     assert any(ended)
     observation, _ = env.reset(seed=0, options=begin)
-    for _ in range(400):
+    for _ in range(160):
         action, memory = behind.predict(observation, memory)
         observation, _, terminated, _, _ = env.step(action)
         assert not terminated
@@ -164,16 +164,15 @@ def test_a_push_that_loses_the_arm_does_not_behind_the_filter(lap: str) -> None:
 
 def test_what_is_predicted_of_the_backup_is_what_it_does() -> None:
     """On the default arm, up to and beyond a corner: the largest error and bending of each horizon."""
-    env, behind, found, told = made(), around(Proposes()), [], {}
-    behind.limits = np.zeros(2)
+    env, behind, alone, found, told = made(), around(), backup(), [], {}
     observation, info = env.reset(seed=0, options=LAPS["plain"].reset_options())
     memory, arm = None, behind.plans[0].arm
     for k in range(460):
-        action, memory = behind.predict(observation, memory)
+        action, memory = alone.predict(observation, memory)
         observation, _, _, _, info = env.step(action)
         found.append((info["tip_error"], np.abs(arm.tip_deflection(info["state"][: arm.size])).max()))
         if k >= 200 and k % 10 == 0:
-            told[k] = behind.predicted(np.array([k]), memory[:OWN])[0]
+            told[k] = behind.predicted(np.array([k]), memory)[0]
     for k in range(200, len(found) - HORIZON, 10):
         np.testing.assert_allclose(told[k], np.max(found[k : k + HORIZON], axis=0), atol=1e-3)
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, train
+from flexarm_agents.teaching.teacher import Teacher
+from flexarm_agents.training import loop
 from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
@@ -104,6 +106,37 @@ def at_step(number: int, act: Callable[[], None]) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(FlexArmVectorEnv, "step", counted)
+        yield
+
+
+@contextmanager
+def without_pictures(but: str = "") -> Iterator[None]:
+    """Let trainings write empty pictures: to draw them takes longer than a tiny training.
+
+    Args:
+        but: name of a training's folder that gets its pictures.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("draw_curve", "draw_laps"):
+            patch.setattr(loop, name, _drawn_in(but, getattr(loop, name)))
+        yield
+
+
+def _drawn_in(folder: str, draw: Callable[..., None]) -> Callable[..., None]:
+    return lambda *given: draw(*given) if given[-1].parent.name == folder else given[-1].touch()
+
+
+@contextmanager
+def short_rollouts(periods: int = 400) -> Iterator[None]:
+    """Let the rollouts of a teaching along the standard laps end after so many control periods, not after a lap."""
+    made = Teacher.__init__
+
+    def make(self: Teacher, *given: Any) -> None:
+        made(self, *given)
+        self.periods = periods
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Teacher, "__init__", make)
         yield
 
 
