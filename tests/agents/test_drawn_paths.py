@@ -1,5 +1,6 @@
 """Teaching on drawn paths: the paths, plans for their own arms, loads on the way, mirror images."""
 
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +29,18 @@ BOX = {"randomisation": {"payload_mass": [0.0, 1.0], "delay": [0.0, 0.1], "actua
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def short_paths() -> Iterator[None]:
+    """Let paths last 5 s, of which 4 s are taught."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("drawn_paths", "path_teacher", "training"):
+            patch.setattr(f"flexarm_agents.teaching.{module}.LAP", 5.0)
+        patch.setattr("flexarm_agents.teaching.path_teacher.TAUGHT", 4.0)
+        patch.setattr("flexarm_agents.teaching.path_teacher.MORE", 100)
+        yield
+
+
+@pytest.fixture(scope="module")
+def drawn(short_paths: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Begin a teaching on drawn paths: two arms, three paths."""
     folder = tmp_path_factory.mktemp("runs")
     training = DAggerTraining(config_of(**DRAWN | {"options": BOX}), RunFolder(folder / "drawn"))
@@ -117,7 +129,7 @@ def test_paths_of_which_none_got_a_plan_are_refused(drawn: Any, monkeypatch: pyt
 
 
 LOADS = {
-    "payload_changes": [[0.03, None], [0.06, 0.0]],
+    "payload_changes": [[0.072, None], [0.144, 0.0]],
     "randomisation": BOX["randomisation"] | {"payload_mass": [0.2, 1.5]},
 }
 
@@ -147,7 +159,7 @@ def test_a_plan_with_loads_is_the_motion_of_its_environment(carrying: Any) -> No
         *_, infos = env.step(np.float32([plan.torques[period] / plan.limits] * 2))
     assert np.abs(plan.replay().states[100] - plan.states[100])[:8].max() > 0.02  # with the load throughout
     np.testing.assert_array_equal(teacher.plans.states[0], plan.states.astype(np.float32))
-    config = replace(carrying.config, alternate_options=LOADS | {"payload_changes": [[0.03, None], [0.07, 0.0]]})
+    config = replace(carrying.config, alternate_options=LOADS | {"payload_changes": [[0.072, None], [0.168, 0.0]]})
     again = DAggerTraining(config, carrying.run)
     with refuses(ValueError, "1000001-carrying.npz: a plan of another arm or path, or not with"):
         again.start()
