@@ -23,7 +23,8 @@ from scripts.common.study import Study
 from scripts.learning.agents import FOLDER
 
 FILE = FOLDER / "any_path.json"  # of `python -m scripts.learning.any_path`
-EPISODES = 256
+EPISODES = 1024  # of an entry
+OF_TRAINING = 256  # the first ones, of each training of `universal`
 SEED = 5_000_000  # of the first; trainings and their evaluations have others
 
 
@@ -63,7 +64,7 @@ class Options:
     """Folder of trainings of `universal` that differ in their seeds; they are measured instead."""
 
 
-def measured(name: str, path: str) -> dict[str, Any]:
+def measured(name: str, path: str, episodes: int) -> dict[str, Any]:
     """Run an agent, by name or folder, or a controller on unknown arms along a path.
 
     Returns:
@@ -72,12 +73,12 @@ def measured(name: str, path: str) -> dict[str, Any]:
     agent = load_policy(name) if name in shipped_policies() or Path(name).is_dir() else None
     options = agent.options if agent else controller(name).options
     try:
-        env = make_batch("FlexArm/SquareUnknown-v0", EPISODES, {**options, **PATHS[path]})
+        env = make_batch("FlexArm/SquareUnknown-v0", episodes, {**options, **PATHS[path]})
         policy = agent.policy if agent else controller(name).make(env)
     except ValueError as error:
         return {"refused": str(error)}
     steps = round(TAUGHT / env.control_period) if path == "as in training" else None
-    runs = run_batch(env, [policy] * EPISODES, seed=SEED, max_steps=steps)
+    runs = run_batch(env, [policy] * episodes, seed=SEED, max_steps=steps)
     env.close()
     first = round(SETTLED / env.control_period)
     squares: list[Any] = [np.sum(np.square(run.tip - np.asarray(run.reference)), axis=1) for run in runs]
@@ -106,12 +107,12 @@ def errors(found: Found) -> str:
 def seeds(found: Found) -> str:
     """Tabulate the trainings of `universal`: median, interquartile mean and worst of each figure."""
     trainings = [one for name, one in found.items() if name not in ENTRIES]
-    head = ("path", "lost of all", f"lost of {EPISODES}", *(f"{what} [mm]" for what in ERRORS))
+    head = ("path", "lost of all", f"lost of {OF_TRAINING}", *(f"{what} [mm]" for what in ERRORS))
     lines = []
     for path in PATHS:
         lost = [one[path]["lost"] for one in trainings]
         spreads = (Spread.of(one[path]["errors"][n] for one in trainings) for n in range(len(ERRORS)))
-        whole = f"{sum(lost)} of {EPISODES * len(lost)}"
+        whole = f"{sum(lost)} of {OF_TRAINING * len(lost)}"
         lines.append((path, whole, f"{np.median(lost):.0f} / {max(lost)}", *map(millimetres, spreads)))
     return table(head, lines)
 
@@ -139,7 +140,8 @@ def main() -> None:
     if given is not None and not folders:
         raise ValueError(f"trainings = {given}: must have folders seed-*, of `python -m scripts.shipped`")
     named = {one.name: str(one) for one in folders} or {name: name for name in ENTRIES}
-    found = {name: {path: measured(source, path) for path in PATHS} for name, source in named.items()}
+    episodes = OF_TRAINING if folders else EPISODES
+    found = {name: {path: measured(source, path, episodes) for path in PATHS} for name, source in named.items()}
     write_json(FILE, results(FOLDER, 1) | found, levels=3)
 
 
