@@ -196,9 +196,9 @@ def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["carry", "race"])
 def test_a_shipped_policy_begins_as_its_replay(name: str) -> None:
-    """Its first second, beside the record of the whole episode that the site shows, which has whole steps of 20 µrad.
+    """Its first half second, beside the record of the whole episode that the site shows, in whole steps of 20 µrad.
 
-    In a race, which is driven at the limits of the torques, rounding grows: here to 0.025 m on a way of 8 m.
+    In a race, which is driven at the limits of the torques, rounding grows: here to 0.4 mm, in a second to some 10 mm.
     """
     trained = load_policy(name)
     replay = replays.read(replays.FOLDER / replays.file_name(f"agent {name}", name))[2]
@@ -206,10 +206,9 @@ def test_a_shipped_policy_begins_as_its_replay(name: str) -> None:
         trained.notes["evaluation"]["plain"]["duration"], rel=1e-3
     )
     start = dict(replays.KINDS[name].start)
-    found = run_policy(trained.make_env(), trained.policy, seed=0, max_steps=100, options=start)
-    atol = {"carry": 5e-4, "race": 0.05}[name]  # [m]
-    np.testing.assert_allclose(found.reference, replays.channels(replay)["reference"][:101], atol=atol)
-    np.testing.assert_allclose(found.tip, replays.tips(FlexibleArm(), replay)[:101], atol=atol)
+    found = run_policy(trained.make_env(), trained.policy, seed=0, max_steps=50, options=start)
+    atol = {"carry": 5e-4, "race": 2e-3}[name]  # [m]
+    np.testing.assert_allclose(found.tip, replays.tips(FlexibleArm(), replay)[:51], atol=atol)
 
 
 @pytest.mark.parametrize("name", shipped_policies())
