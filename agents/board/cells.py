@@ -140,7 +140,7 @@ def jobs_of(cells: Sequence[Cell]) -> list[list[Cell]]:
     (`shares`). Those of any other task form one job, so that only one worker designs the policy for that task.
     """
     jobs: list[list[Cell]] = []
-    for _, members in groupby(cells, lambda cell: cell.entry.source + repr(cell.entry)):
+    for _, members in groupby(cells, lambda cell: cell.entry):
         for task, found in groupby(sorted(members, key=lambda cell: cell.point.task), lambda cell: cell.point.task):
             own = list(found)
             episodes = [len(cell.point.episodes) for cell in own]

@@ -136,11 +136,6 @@ def _unknown() -> Iterator[Point]:
         yield Point(f"{seeds.start} to {seeds.stop - 1}", UNKNOWN_PLANT, seeds=seeds, paired=False)
 
 
-def _hurried(lap_time: float) -> Point:
-    """Return unknown arms on laps of the square in so many seconds, one lap in turn."""
-    return Point(lap_time, UNKNOWN_PLANT, task=pace(lap_time), seeds=range(PART), paired=False)
-
-
 def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
     """Return columns without the points of an engine that is not installed, and a message about that; "" if it is."""
     if find_spec("mujoco") is not None:
@@ -192,7 +187,7 @@ COLUMNS: dict[str, Column] = {
     "pace_unknown": Column(
         "Lap time, unknown arms, errors below 100 mm",
         "s",
-        tuple(_hurried(x) for x in LAP_TIMES[-4:]),
+        tuple(Point(x, UNKNOWN_PLANT, task=pace(x), seeds=range(PART), paired=False) for x in LAP_TIMES[-4:]),
         LAP_TIMES[-1],
         bound=PACE,
     ),

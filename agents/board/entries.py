@@ -34,6 +34,7 @@ from flexarm_baselines.registry import CONTROLLERS, controller_names
 from flexarm_env.validation import known_names, mapping
 
 NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
+_UNFIT = re.compile(r"[^\w.+:=,()/ -]")  # characters that it has not
 _BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
 
 
@@ -55,8 +56,9 @@ class Entry:
     limited: bool = False
 
     def __post_init__(self) -> None:
-        own = Path(self.source).stem if Path(self.source).exists() else self.source
-        object.__setattr__(self, "name", self.name or own)
+        path = Path(self.source)
+        own = path.resolve().name if path.is_dir() else path.stem if path.is_file() else self.source
+        object.__setattr__(self, "name", self.name or _UNFIT.sub("_", own)[-60:])
         object.__setattr__(self, "environment", check_id(self.environment))
         object.__setattr__(self, "options", interface_of(self.options, strict=True))
         if not NAME.fullmatch(self.name):
@@ -129,13 +131,13 @@ class Entry:
 class Recipe:
     """How an entry's policy is made."""
 
+    environment: str  # id of the environment that it is made for
     interface: dict[str, Any]  # options of its environments that are its own
     make: Callable[[gymnasium.Env[Any, Any]], Any]  # makes the policy for an environment
     label: dict[str, str] = field(default_factory=dict)  # what identifies it beside its code and files
     files: tuple[Path, ...] = ()  # its data
     modules: tuple[str, ...] = ()  # names of modules beside that of its class
     config: dict[str, Any] | None = None  # configuration of its training; None for others
-    environment: str = SQUARE  # id of the environment that it is made for
 
 
 @lru_cache(maxsize=64)
@@ -161,26 +163,21 @@ def _modules(policy: Any) -> list[str]:
 def _recipe(entry: Entry) -> Recipe:
     if entry.source in CONTROLLERS:
         listed = CONTROLLERS[entry.source]
-        own = interface_of({**listed.options, **entry.options})
-        return Recipe(
-            own,
-            listed.make,
-            {"controller": entry.source, "design": repr(dict(listed.design))},
-            environment=entry.environment,
-        )
+        label = {"controller": entry.source, "design": repr(dict(listed.design))}
+        return Recipe(entry.environment, interface_of({**listed.options, **entry.options}), listed.make, label)
     declared = spec_of(entry.environment).kwargs
     if entry.algorithm is not None:
         own = interface_of({**declared, **entry.options})
         files = [entry.source] + [entry.vec_normalize] * (entry.vec_normalize not in ("", WITHOUT))
         load = partial(loaded_model, entry.source, entry.algorithm, vec_normalize=entry.vec_normalize)
-        return Recipe(own, load, {"algorithm": entry.algorithm}, tuple(map(Path, files)), environment=entry.environment)
+        return Recipe(entry.environment, own, load, {"algorithm": entry.algorithm}, tuple(map(Path, files)))
     if ":" in entry.source and not Path(entry.source).exists():
         found = imported(entry.source)
         wanted = found.options() if hasattr(found, "options") else {}
         counted = {"last_actions": 1} if "observation" in wanted else {}  # else the id's own, which may have no effect
         own = interface_of({**declared, **counted, **wanted, **entry.options})
         make, label = partial(made_for, found=found, source=entry.source), {"attribute": entry.source}
-        return Recipe(own, make, label, modules=(entry.source.partition(":")[0],), environment=entry.environment)
+        return Recipe(entry.environment, own, make, label, modules=(entry.source.partition(":")[0],))
     trained = load_policy(entry.source)
     settings = settings_of(trained.environment, trained.options)
     own = {name: getattr(settings, name) for name in INTERFACE} | interface_of(entry.options)
@@ -189,9 +186,8 @@ def _recipe(entry: Entry) -> Recipe:
         check_fits(entry.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
         return trained.policy
 
-    return Recipe(
-        own, check, files=(policy_file(entry.source),), config=trained.notes["config"], environment=trained.environment
-    )
+    files, config = (policy_file(entry.source),), trained.notes["config"]
+    return Recipe(trained.environment, own, check, files=files, config=config)
 
 
 # By default the law acts on the joints, which are not late; here it acts on the late sensor, as in the paper.

@@ -66,6 +66,13 @@ def point_summary(result: Mapping[str, Any] | None, task: str = "square") -> dic
     return {lap: lap_summary(episodes, TASKS[task].figures) for lap, episodes in laps.items()}
 
 
+def point_summaries(column: Column, results: Sequence[Mapping[str, Any] | None]) -> list[dict[str, Any] | None]:
+    """Add up the episodes of each point of a column; where the points are one sample, of all together."""
+    if column.sample:
+        return [point_summary(merged(results), column.points[0].task)]
+    return [point_summary(one, point.task) for one, point in zip(results, column.points, strict=True)]
+
+
 def whole_summary(column: Column, results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
     """Add up all episodes of a column; None if a point is missing, none is applicable, or the tasks' figures differ."""
     figures = TASKS[column.points[0].task].figures
@@ -111,6 +118,11 @@ def kept(column: Column, points: Sequence[Mapping[str, Any] | None]) -> list[flo
     return [float(column.points[n].value) for n in range(first, last)]
 
 
+def value_text(value: float | str) -> str:
+    """Write a value of an axis."""
+    return f"{value:g}" if isinstance(value, float) else value
+
+
 def spans(values: Sequence[float]) -> str:
     """Write values of an axis that are neighbours: "0.3 to 1"."""
     return f"{values[0]:g} to {values[-1]:g}" if len(values) > 1 else "".join(f"{value:g}" for value in values)
@@ -131,11 +143,7 @@ def entry_summary(entry: Entry, columns: Mapping[str, Column], results: Results)
     }
     for name, column in columns.items():
         each = results[name]
-        points = (
-            [point_summary(merged(each), column.points[0].task)]
-            if column.sample
-            else [point_summary(one, point.task) for one, point in zip(each, column.points, strict=True)]
-        )
+        points = point_summaries(column, each)
         found["columns"][name] = {"points": points}
         if whole := whole_summary(column, each):
             found["columns"][name]["whole"] = whole

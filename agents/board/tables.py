@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.summary import nominal_errors, spans
+from flexarm_agents.board.summary import nominal_errors, spans, value_text
 from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]
@@ -161,7 +161,7 @@ def axis(name: str, board: Board) -> str:
     column = board["columns"][name]
     chosen = _some(len(column["values"]), COLUMNS[name].nominal_index)
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
-    return _points(column["title"], [f"{_number(column['values'][n])}{unit}" for n in chosen], name, chosen, board)
+    return _points(column["title"], [f"{value_text(column['values'][n])}{unit}" for n in chosen], name, chosen, board)
 
 
 def _points(first: str, heads: Sequence[str], name: str, chosen: Sequence[int], board: Board) -> str:
@@ -192,7 +192,7 @@ def _with_ends(board: Board) -> list[str]:
 
 def _range(column: Mapping[str, Any]) -> str:
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
-    least, most = (_number(column["values"][end]) for end in (0, -1))
+    least, most = (value_text(column["values"][end]) for end in (0, -1))
     return f"{column['title']}, {least} to {most}{unit}"
 
 
@@ -269,10 +269,6 @@ def _some(count: int, kept: int) -> list[int]:
     """Choose at most `MOST_VALUES` of the values of an axis, evenly spaced, the nominal one among them."""
     step = -(-count // MOST_VALUES)
     return list(range(kept % step, count, step))
-
-
-def _number(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def tables(board: Board) -> dict[str, str]:

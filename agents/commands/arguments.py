@@ -131,5 +131,5 @@ def add_options(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def width() -> int:
-    """Return the width of a line of the terminal; 100 where there is none."""
-    return shutil.get_terminal_size((100, 24)).columns
+    """Return the width of a line of the terminal, 40 at least; 100 where there is none."""
+    return max(shutil.get_terminal_size((100, 24)).columns, 40)

@@ -18,7 +18,7 @@ from flexarm_agents.commands.sources import POLICY, add_environment, check_envir
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, changed, plant_of
-from flexarm_agents.evaluation.races import evaluate
+from flexarm_agents.evaluation.races import RaceScores, evaluate
 from flexarm_agents.evaluation.scoring import Spread, StandardScore, rank
 from flexarm_agents.files import check_place, write_json
 from flexarm_agents.policies.constant import ConstantPolicy
@@ -43,15 +43,18 @@ class Result(NamedTuple):
     def plain(self, seed: int) -> dict[str, Any]:
         """Return plain values for a file."""
         one = self.candidate
-        about: dict[str, Any] = {"name": one.name, "reads": one.reads, "privileged": one.privileged}
-        about |= {
+        laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
+        return {
+            "name": one.name,
+            "reads": one.reads,
+            "privileged": one.privileged,
             "environment": one.environment,
             "plant": dict(one.plant),
             "options": one.options,
             "config": one.config,
+            "laps": laps,
+            **_plain(spreads_of(self.scores)),
         }
-        laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
-        return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -75,11 +78,8 @@ def _scored(given: argparse.Namespace) -> dict[str, Any]:
     for candidate in candidates:
         scores = _scores(candidate, laps, seed)
         results.append(Result(candidate, scores))
-        result = (
-            str(scores[0])
-            if laps == 1
-            else f"both laps complete with {sum(s.complete for s in scores)} of {laps} seeds"
-        )
+        what = "race finished" if isinstance(scores[0], RaceScores) else "both laps complete"
+        result = str(scores[0]) if laps == 1 else f"{what} with {sum(s.complete for s in scores)} of {laps} seeds"
         print(f"{candidate.name}: {result}", file=sys.stderr, flush=True)
     results.sort(key=lambda result: rank(result.scores))
     plants: dict[str, list[Result]] = {}

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.evaluation.races import FINISHED
+from flexarm_agents.evaluation.races import FINISHED, RaceScore, RaceScores
 from flexarm_agents.evaluation.scoring import Score, Spread, StandardScore, metres
 from flexarm_env.laps import LAPS
 
@@ -38,20 +38,29 @@ def legend(laps: int) -> str:
 
 
 def lap_table(title: str, results: Sequence[Named]) -> str:
-    """Make a table with a row for each policy and lap."""
+    """Make a table with a row for each policy and lap, or race."""
     single = len(results[0][1]) == 1
     rows = [
         (name, lap, *(_figures(laps[0]) if single else _spreads(laps)))
         for name, scores in results
-        for lap, laps in zip(LAPS, zip(*scores, strict=True), strict=True)
+        for lap, laps in _rows_of(scores).items()
     ]
     return f"{title}\n{columns([*(_HEADER if single else _SPREAD_HEADER), *rows], right=True)}"
+
+
+def _rows_of(scores: Sequence[StandardScore]) -> dict[str, tuple[Score, ...]]:
+    """Return the scores of each lap, by its name; those of a race, which stand in the places of both laps, once."""
+    laps = dict(zip(LAPS, zip(*scores, strict=True), strict=True))
+    return {"race": laps["plain"]} if isinstance(scores[0], RaceScores) else laps
 
 
 def group_table(groups: Sequence[tuple[str, Spreads]]) -> str:
     """Write a row for each figure of each lap, for each setting that was trained with several seeds."""
     rows = [
-        (f"{name} ({spread.complete} of {spread.total} complete)", lap, FIGURES[figure], *_group_figures(spread))
+        (
+            *(f"{name} ({spread.complete} of {spread.total} complete)", lap, FIGURES[figure]),
+            *map(_metres, (spread.median, spread.interquartile_mean, spread.best, spread.worst)),
+        )
         for name, spreads in groups
         for lap, figures in spreads.items()
         for figure, spread in figures.items()
@@ -88,19 +97,18 @@ def _end(score: Score) -> str:
 def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
     early = Counter(lap.ended for lap in laps if not lap.complete)
     reasons = ", ".join(f"{reason} {count}" for reason, count in early.most_common())
+    end = f"{early.total()} of {len(laps)} ENDED: {reasons}" if early else f"{len(laps)} complete"
+    if times := [lap.duration for lap in laps if lap.ended == FINISHED]:
+        end += f", finished in {min(times):.2f} to {max(times):.2f} s"
+    errors = [
+        f"{_metres(each.median)} [{_metres(each.best)} .. {_metres(each.worst)}]" for each in _errors_of(laps).values()
+    ]
     return (
-        *(
-            f"{_metres(each.median)} [{_metres(each.best)} .. {_metres(each.worst)}]"
-            for each in _errors_of(laps).values()
-        ),
+        *(["-"] * len(FIGURES) if isinstance(laps[0], RaceScore) else errors),
         pair(_largest([lap.peak_deflection for lap in laps]), 2),
         pair(_largest([lap.peak_torque for lap in laps]), 0),
-        f"{early.total()} of {len(laps)} ENDED: {reasons}" if early else f"{len(laps)} complete",
+        end,
     )
-
-
-def _group_figures(spread: Spread) -> tuple[str, ...]:
-    return tuple(map(_metres, (spread.median, spread.interquartile_mean, spread.best, spread.worst)))
 
 
 def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:

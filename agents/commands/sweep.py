@@ -11,7 +11,7 @@ from typing import Any
 from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
-from flexarm_agents.board.summary import kept, merged, point_summary, spans
+from flexarm_agents.board.summary import kept, point_summaries, spans, value_text
 from flexarm_agents.board.terms import TASKS, BoardTask
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.sources import entry_of
@@ -39,12 +39,7 @@ def sweep(given: argparse.Namespace) -> dict[str, Any]:
     for source in given.policies:
         entry = entry_of(source, given, given.options)
         results = _results(entry, column.points)
-        points = (
-            [point_summary(merged(results), column.points[0].task)]
-            if column.sample
-            else [point_summary(one, point.task) for one, point in zip(results, column.points, strict=True)]
-        )
-        print(_table(entry.name, column, points), end="\n\n")
+        print(_table(entry.name, column, point_summaries(column, results)), end="\n\n")
         written.append({"row": entry.plain(), "results": results})
     return {"sweep": given.sweep, "rows": written}
 
@@ -62,7 +57,7 @@ def _results(entry: Entry, points: Sequence[Point]) -> list[dict[str, Any]]:
 def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
     """Write a line for each point, in a table for all tasks with the same laps and headline figure."""
     axis = f" [{column.unit}]" if column.unit else ""
-    values = ["all"] if column.sample else [_number(one.value) for one in column.points]
+    values = ["all"] if column.sample else [value_text(one.value) for one in column.points]
     parts: dict[tuple[Any, ...], tuple[BoardTask, list[tuple[str, Summary | None]]]] = {}
     for value, point, found in zip(values, column.points, points, strict=False):  # of a sample there is one line
         task = TASKS[point.task]
@@ -86,10 +81,6 @@ def _part(head: str, task: BoardTask, points: Sequence[tuple[str, Summary | None
     laps = " / ".join(f"{lap} lap" for lap in task.laps if lap) or "each episode"
     legend = textwrap.fill(LEGEND.format(text=text, laps=laps, after=", and the same from 2 s on" * len(more)), 110)
     return f"{legend}\n{columns([(head, *heads), *rows], right=True)}"
-
-
-def _number(value: float | str) -> str:
-    return f"{value:g}" if isinstance(value, float) else value
 
 
 def _cells(point: Summary | None, headline: str, means: Sequence[str]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,7 +15,6 @@ from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.environments import settings_of
 from flexarm_agents.evaluation.races import read_score
 from flexarm_agents.training.config import ALGORITHMS, RunConfig, config_class
-from flexarm_agents.training.train import Outcome
 
 DESCRIPTION = """\
 Train an agent: by reward with PPO, RecurrentPPO, SAC or TQC, by a teacher that follows the best known plans with DAgger
@@ -29,8 +28,7 @@ def run(arguments: Sequence[str]) -> None:
     reader = parser(named.algorithm, named.environment)
     given = reader.parse_args(arguments)
     config = read_fields(reader, config_class(given.algorithm), given)
-    folder = given.folder or config.folder
-    _carry_out(lambda: train(config, folder, given.resume, given.progress), folder)
+    _train(config, given.folder or config.folder, given)
 
 
 def parser(algorithm: str = "ppo", environment: str = RunConfig.environment) -> Reader:
@@ -63,11 +61,11 @@ def _named(arguments: Sequence[str]) -> argparse.Namespace:
     return first.parse_known_args(list(arguments))[0]
 
 
-def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
+def _train(config: RunConfig, folder: Path, given: argparse.Namespace) -> None:
     """Train, and print what came out; ends the process with 128 + its number after a signal."""
     try:
         with _printed(logging.getLogger("flexarm_agents")):
-            outcome = training()
+            outcome = train(config, folder, given.resume, given.progress)
     except TrainingStopped as stopped:
         done = f"all {stopped.steps} steps are kept in {folder}" if stopped.steps else f"{folder}: no step was done yet"
         print(f"stopped; {done}; the same command with --resume goes on", file=sys.stderr)

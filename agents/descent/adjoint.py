@@ -146,7 +146,7 @@ def output_gradients(
         found[t] = np.where(free, by_action, 0.0) + weights[t] * costs.by_output[t]
         if t > 0:
             going_on = (window.ages[t] > 0)[:, None]
-            adjoint.by_action[t - 1] += np.where(going_on, weights[t] * costs.by_earlier[t], 0.0)
+            adjoint.by_action[t - 1] -= np.where(going_on, weights[t] * costs.by_action[t], 0.0)
             by_observation = np.zeros(at_end.shape)
             by_observation[:, :size] = np.matmul(found[t][:, None], network[t])[:, 0]
             adjoint.observe(t, by_observation)

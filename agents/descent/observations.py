@@ -43,7 +43,6 @@ NEEDED: dict[str, Any] = {
     **IDEAL_MOTORS,
     **{f"{sensor.name}_link": None for sensor in FURTHER},
 }
-NUMBERS = 8  # on which features depend: two joint angles, two rates, the reading, the reading before
 
 
 class Seen(NamedTuple):
@@ -238,5 +237,5 @@ def check_differentiable(settings: Settings) -> None:
 
 
 def _point(seen: Seen, encoders: Sequence[int]) -> Floats:
-    """Put together the numbers on which features depend. Shape (..., 8)."""
+    """Put together what features depend on: encoders and their rates, reading, reading before. Shape (..., 8)."""
     return np.concatenate([seen.states[..., encoders], seen.readings, seen.earlier], axis=-1)

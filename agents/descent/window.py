@@ -122,8 +122,7 @@ class Costs(NamedTuple):
     total: Floats  # Shape (T, n)
     by_after: Floats  # derivatives by the states at the ends of the periods. Shape (T, n, 4 + 4 m)
     by_output: Floats  # by the network's output, apart from the action. Shape (T, n, 2)
-    by_action: Floats  # by the action. Shape (T, n, 2)
-    by_earlier: Floats  # by the action of the period before. Shape (T, n, 2)
+    by_action: Floats  # by the action, and with the other sign by that of the period before. Shape (T, n, 2)
     errors: Floats  # distances of the tip from the reference at the ends of the periods [m]. Shape (T, n)
 
 
@@ -145,7 +144,7 @@ def costs(window: Window, settings: Settings, config: FOPGConfig) -> Costs:
     total = total + config.change_weight * (change**2).sum(axis=-1) + config.excess_weight * (beyond**2).sum(axis=-1)
     by_action = 2.0 * config.change_weight * change
     by_output = 2.0 * config.excess_weight * beyond * np.sign(window.output)
-    return Costs(total, by_after, by_output, by_action, -by_action, np.sqrt(squares))
+    return Costs(total, by_after, by_output, by_action, np.sqrt(squares))
 
 
 def error_cost(squares: Floats, knee: float) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.torch_layers import create_mlp
 
 from flexarm_agents.policies.network import ACTIVATIONS, NetworkPolicy
 
@@ -17,11 +18,7 @@ Numbers = NDArray[np.float32]
 
 def fully_connected(inputs: int, hidden: Sequence[int], outputs: int, activation: str) -> torch.nn.Sequential:
     """Make a network with hidden layers of these sizes; torch's generator draws its weights."""
-    sizes = [inputs, *hidden]
-    layers: list[torch.nn.Module] = []
-    for before, after in zip(sizes, sizes[1:], strict=False):
-        layers += [torch.nn.Linear(before, after), MODULES[activation]()]
-    return torch.nn.Sequential(*layers, torch.nn.Linear(sizes[-1], outputs))
+    return torch.nn.Sequential(*create_mlp(inputs, outputs, [*hidden], MODULES[activation]))
 
 
 def linear_layers(modules: Iterable[torch.nn.Module]) -> list[torch.nn.Linear]:

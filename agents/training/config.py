@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import partial
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, ClassVar, Literal, Self
 
 from flexarm_agents.environments import check_id, check_options
@@ -141,9 +141,9 @@ def _unused(name: str, value: object) -> bool:
 
 def config_class(algorithm: str) -> Any:
     """Return the class of an algorithm's configurations."""
-    module, _, name = ALGORITHMS[choice("algorithm", algorithm, ALGORITHMS)].partition(":")
+    place = ALGORITHMS[choice("algorithm", algorithm, ALGORITHMS)]
     with needs_extra(f"algorithm = {algorithm!r}", "train"):
-        return getattr(import_module(module), name)
+        return resolve_name(place)
 
 
 def config_of(algorithm: str = "ppo", **values: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from flexarm_agents.environments import make_batch, make_one, settings_of
-from flexarm_agents.policies.encoders import Encoder, past_readings
+from flexarm_agents.policies.encoders import past_readings
 from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.asymmetric import AsymmetricPolicy
 from flexarm_agents.sb3.layers import MODULES
@@ -50,9 +50,8 @@ def hold_policy(model: BaseAlgorithm, held: bool) -> None:
 
 def model_class(config: RewardConfig) -> Any:
     """Return the class of the algorithm."""
-    module, _, name = config.kind.partition(":")
     with needs_extra(f"algorithm = {config.algorithm!r}", "train"):
-        return getattr(import_module(module), name)
+        return resolve_name(config.kind)
 
 
 def new_model(config: RewardConfig) -> BaseAlgorithm:
@@ -106,18 +105,13 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
         judged = make_one(config.environment, config.options | _observed(config))
         plain.observation_space = judged.observation_space
         judged.close()
-    blocks = {name: place for name, place in env.observation_blocks.items() if name not in privileged_blocks(config)}
-    encoder = encoder_of(config, blocks)
-    return plain if encoder is None else EncodedVecEnv(plain, encoder)
-
-
-def encoder_of(config: RewardConfig, blocks: dict[str, slice]) -> Encoder | None:
-    """Return the encoder of the observations; None: there is none."""
     if not isinstance(config, PPOConfig):
-        return None
+        return plain
     if config.observer != "none":
-        return Observer(config.observer, config.environment, config.options)
-    return past_readings(config.lags, blocks)
+        return EncodedVecEnv(plain, Observer(config.observer, config.environment, config.options))
+    blocks = {name: place for name, place in env.observation_blocks.items() if name not in privileged_blocks(config)}
+    encoder = past_readings(config.lags, blocks)
+    return plain if encoder is None else EncodedVecEnv(plain, encoder)
 
 
 def arguments(config: RewardConfig) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import torch
@@ -69,9 +69,8 @@ def train(config: RunConfig, folder: str | Path | None = None, resume: bool = Fa
             "give each of its functions a name in a module"
         ) from None
     run = RunFolder(config.folder if folder is None else folder)
-    module, _, name = config.training.partition(":")
-    training: Training = getattr(import_module(module), name)(config, run)
-    run.enter(config, _versions(module), resume)
+    training: Training = resolve_name(config.training)(config, run)
+    run.enter(config, _versions(type(training).__module__), resume)
     with run.named(), one_thread(), StopSignals() as stop, closing(training):
         if run.checkpoint.exists():
             training.load()

@@ -272,6 +272,14 @@ def test_a_row_chooses_what_it_observes_and_no_more() -> None:
         Entry(AGENT, "a|b")
 
 
+def test_a_folder_or_a_source_of_any_name_is_an_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = tmp_path / "v1.5@home"
+    own.mkdir()
+    monkeypatch.chdir(own)
+    assert [Entry(source).name for source in (".", str(own))] == ["v1.5_home"] * 2
+    assert Entry(f"{'package.' * 10}module:Mine").name.endswith(".package.module:Mine")
+
+
 def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> None:
     for name, column in COLUMNS.items():
         if isinstance(column.nominal, float):

@@ -48,6 +48,8 @@ def test_help_shows_every_verb_and_examples_and_fits_into_the_terminal(
     monkeypatch.setenv("COLUMNS", "70")
     description = flexarm("leaderboard", "--help").stdout.partition("\n\n")[2].partition("options:")[0]
     assert max(map(len, description.splitlines())) <= 70
+    monkeypatch.setenv("COLUMNS", "2")
+    assert "verbs:" in flexarm("--help").stdout
 
 
 def test_an_interrupt_without_a_signal_ends_as_by_ctrl_c(monkeypatch: pytest.MonkeyPatch, flexarm: Shell) -> None:

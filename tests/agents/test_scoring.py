@@ -22,7 +22,7 @@ from flexarm_agents import (
     shipped_policies,
     train,
 )
-from flexarm_agents.commands.score_table import pair
+from flexarm_agents.commands.score_table import lap_table, pair
 from flexarm_agents.environments import make_batch
 from flexarm_agents.evaluation.races import RaceScore, RaceScores, read_score
 from flexarm_agents.evaluation.scoring import rank
@@ -70,6 +70,21 @@ def test_a_finished_race_counts_by_its_time(one: float, other: float) -> None:
     assert (ranks[0] < ranks[1]) == (one < other)
     assert max(ranks) == ranks[2]
     assert [str(race) for race in races[1:]] == [f"race finished in {other:.2f} s", "race lost: truncated"]
+
+
+def test_a_table_shows_a_race_once_by_its_time() -> None:
+    one, other, lost = (
+        RaceScores(*[RaceScore(*lap(0.1, *end))] * 2)
+        for end in (("finished", 14.0), ("finished", 15.0), ("error", 3.0))
+    )
+    for scores, end in (
+        ([one], "race finished in 14.00 s"),
+        ([one, other], "2 complete, finished in 14.00 to 15.00 s"),
+        ([one, other, lost], "1 of 3 ENDED: error 1, finished in 14.00 to 15.00 s"),
+    ):
+        (row,) = [line for line in lap_table("Race-v0", [("mine", scores)]).splitlines() if line.startswith("mine")]
+        assert row.split()[:5] == ["mine", "race", "-", "-", "-"]
+        assert row.endswith(end)
 
 
 def test_who_stands_still_has_lost_the_race() -> None:
