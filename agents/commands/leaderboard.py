@@ -27,6 +27,7 @@ from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import Reader, json_argument, of_verb, width
 from flexarm_agents.commands.progress import progress_bar
 from flexarm_agents.commands.text import from_markdown
+from flexarm_agents.files import check_place
 from flexarm_agents.jobs.executors import EXECUTORS, executor
 from flexarm_agents.jobs.failures import Failure, check_failures
 
@@ -79,6 +80,7 @@ def measured(given: argparse.Namespace) -> Measured:
     if left_out:
         print(left_out, file=sys.stderr)
     where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
+    check_place("output", given.output / DATA)
     store = Store(given.output / "cells")
     for columns in phases(chosen):
         results, failed = measure(entries, columns, store, where, lambda total: progress_bar(total, "cells"))

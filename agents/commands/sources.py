@@ -36,8 +36,6 @@ observation to an action"""
 MODELS = """\
 stable-baselines3 models (*.zip), of this class: PPO, SAC, or module:Class as in sb3_contrib:TQC. Reading such a
 file unpickles it, which can execute code: only files that you trust"""
-
-
 STATISTICS = f"""\
 file by which VecNormalize scaled what these models observe; unpickled, too. {WITHOUT}: they were trained without one"""
 
@@ -53,7 +51,9 @@ def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
 
 
 def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace, sources: Sequence[str]) -> None:
-    """End with wrong usage if an argument of `add_environment` is for none of the policies."""
+    """End with wrong usage if an argument of `add_environment` is for none of the policies, or two contradict."""
+    if given.arm is not None and "arm" in given.options:
+        parser.error("--arm: cannot go with an arm among --options")
     for name in ("stable_baselines3", "vec_normalize"):
         if getattr(given, name) and not any(map(_is_model, sources)):
             parser.error(f"--{name.replace('_', '-')}: there is no zip file among the policies")

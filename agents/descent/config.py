@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 from flexarm_agents.environments import settings_of
 from flexarm_agents.training.config import RunConfig, setting
-from flexarm_env.allowed import Custom, declared
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.validation import choice, integer, listed, mapping, names, number, shown
 
@@ -26,7 +25,7 @@ class FOPGConfig(RunConfig):
     algorithm: ClassVar[str] = "fopg"
     training: ClassVar[str] = "flexarm_agents.descent.training:FOPGTraining"
 
-    curriculum_options: dict[str, Any] = declared({"start": "corners"}, Custom(mapping))
+    curriculum_options: dict[str, Any] = setting({"start": "corners"}, mapping)
     """Options in which the training's environments differ from the environment of the score, e.g. the start."""
     rounds: int = setting(12, integer, least=1)
     """Rounds of the final policy's training; each one ends with an evaluation and a checkpoint."""

@@ -1,6 +1,6 @@
 """`StopSignals`: a training stops at the next moment from which it can be resumed.
 
-A signal stops the training of its process; `ask_to_stop`, called in a worker, that of the worker.
+A signal stops the training of its process; `ASKED`, set in a worker, those of the worker.
 """
 
 from __future__ import annotations
@@ -13,17 +13,7 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # those that ask a process to stop; not every system has every one
 STOPPING = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
-_ASKED = threading.Event()
-
-
-def ask_to_stop() -> None:
-    """Stop the training of this process, and each that begins later, as after SIGTERM."""
-    _ASKED.set()
-
-
-def is_asked_to_stop() -> bool:
-    """Return whether `ask_to_stop` was called."""
-    return _ASKED.is_set()
+ASKED = threading.Event()  # set: the training of this process, and each that begins later, stops as after SIGTERM
 
 
 class TrainingStopped(KeyboardInterrupt):
@@ -57,7 +47,7 @@ class StopSignals:
     @property
     def received(self) -> int | None:
         """Number of the signal that came, None before."""
-        return signal.SIGTERM if self._noted is None and is_asked_to_stop() else self._noted
+        return signal.SIGTERM if self._noted is None and ASKED.is_set() else self._noted
 
     def __enter__(self) -> StopSignals:
         if threading.current_thread() is threading.main_thread():

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from flexarm_agents.jobs.stopping import STOPPING, StopSignals, TrainingStopped, ask_to_stop, is_asked_to_stop
+from flexarm_agents.jobs.stopping import ASKED, STOPPING, StopSignals, TrainingStopped
 
 GLANCE = 0.1  # between two looks for a second signal [s]
 
@@ -87,7 +87,7 @@ def _follow_parent(asked: Connection) -> None:
 
     def watch() -> None:
         if asked in wait([asked, parent.sentinel]):
-            ask_to_stop()
+            ASKED.set()
             wait([parent.sentinel])
         os._exit(1)
 
@@ -96,6 +96,6 @@ def _follow_parent(asked: Connection) -> None:
 
 def _carry_out(job: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """Do a job in a worker, unless it is to stop: a pool queues one job more than it has workers."""
-    if is_asked_to_stop():
+    if ASKED.is_set():
         raise TrainingStopped(signal.SIGTERM, 0)
     return job(*arguments, **named)

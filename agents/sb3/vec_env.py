@@ -101,8 +101,7 @@ class FlexArmVecEnv(VecEnv):
         if alike:
             return observations
         for i in range(self.num_envs):
-            observations, infos = self._reset_one(i, seeds[i], options[i])
-            self.reset_infos[i] = _info_of(infos, i)
+            observations = self._reset_one(i, seed=seeds[i], options=options[i])
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -210,7 +209,7 @@ class FlexArmVecEnv(VecEnv):
         if method_name == "has_wrapper_attr":
             return [self.has_attr(method_args[0])] * len(chosen)
         if method_name == "reset":
-            return [self._restart(i, *method_args, **method_kwargs) for i in chosen]
+            return [(self._reset_one(i, *method_args, **method_kwargs)[i], self.reset_infos[i]) for i in chosen]
         raise AttributeError(
             f"method_name = {shown(method_name)}: "
             "must be one of 'render', 'reset', 'set_options', 'get_wrapper_attr', 'has_wrapper_attr'"
@@ -228,16 +227,12 @@ class FlexArmVecEnv(VecEnv):
                 f"indices = {shown(indices)}: must be None; the environments share the attribute {shown(name)}"
             )
 
-    def _restart(
-        self, index: int, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, Any]]:
-        observations, infos = self._reset_one(index, seed, options or {})
+    def _reset_one(self, index: int, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Observations:
+        """Begin an episode in one environment; return the observations of all."""
+        own = {**(options or {}), "reset_mask": np.arange(self.num_envs) == index}
+        observations, infos = self.env.reset(seed=[seed] * self.num_envs, options=own)
         self.reset_infos[index] = _info_of(infos, index)
-        return observations[index], self.reset_infos[index]
-
-    def _reset_one(self, index: int, seed: int | None, options: dict[str, Any]) -> tuple[Observations, dict[str, Any]]:
-        mask = np.arange(self.num_envs) == index
-        return self.env.reset(seed=[seed] * self.num_envs, options={**options, "reset_mask": mask})
+        return observations
 
 
 def _info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:

@@ -7,14 +7,8 @@ from typing import Any, ClassVar
 
 from flexarm_agents.environments import check_options
 from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
-from flexarm_agents.training.config import RunConfig, optional, setting
+from flexarm_agents.training.config import RunConfig, optional, setting, text
 from flexarm_env.validation import integer, mapping, number, pair, shown
-
-
-def _path(name: str, value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{name} = {shown(value)}: must be a path as text")
-    return value
 
 
 def _counts(name: str, value: object) -> tuple[int, ...]:
@@ -62,7 +56,7 @@ class DAggerConfig(RunConfig):
     """How many drawn paths the student is taught on (`teaching.drawn_paths`), each on its own arm; 0: the square."""
     alternate_options: dict[str, Any] = setting({}, mapping)
     """Options in which every second drawn path and round differ from the others, e.g. `payload_changes`."""
-    plans: str | None = setting(None, optional, check=_path, kept=False)
+    plans: str | None = setting(None, optional, check=text, what="the path of a folder", kept=False)
     """Folder for the teacher's plans, which several trainings can share; None: `plans` in the folder of the results."""
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
 from flexarm_agents.policies.network import ACTIVATIONS
 from flexarm_agents.policies.observer import KINDS, check_observed
-from flexarm_agents.training.config import Activation, RunConfig, layers, optional, setting
+from flexarm_agents.training.config import Activation, RunConfig, layers, optional, setting, text
 from flexarm_agents.training.hyperparameters import CURRICULUM, names_in_zoo, tuned
 from flexarm_agents.training.randomisation import check_ranges
 from flexarm_env.validation import choice, flag, integer, mapping, number, shown
@@ -21,12 +21,6 @@ from flexarm_env.validation import choice, flag, integer, mapping, number, shown
 ObserverName = Literal["none", "nominal", "delay"]
 PRIVILEGED_BLOCKS = ("state", "episode_parameters")  # what a privileged critic sees beside the policy's observation
 _TUNED: Any = None  # the value of the file, unless another one is given
-
-
-def _policy(name: str, value: object) -> str | None:
-    if value is not None and (not isinstance(value, str) or not value):
-        raise TypeError(f"{name} = {shown(value)}: must be a folder, a file or a name")
-    return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +143,7 @@ class PPOConfig(_OnPolicyConfig):
     """Kalman filter in place of late readings: none, with the nominal delay, or one that estimates the delay."""
     privileged_critic: bool = setting(False, flag)
     """The value sees the arm's true state and the episode's parameters, too; the policy does not."""
-    initial_policy: str | None = setting(None, _policy)
+    initial_policy: str | None = setting(None, optional, check=text, what="a folder, a file or a name")
     """Policy whose network the training begins with: folder of a training, npz file or name of a shipped one."""
     value_steps: int = setting(0, integer, least=0)
     """After `initial_policy`: steps at the beginning in which the value learns alone, whole rollouts of them."""

@@ -51,6 +51,13 @@ def layers(name: str, value: object) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{n}]", size, 1) for n, size in enumerate(value))
 
 
+def text(name: str, value: object, what: str) -> str:
+    """Check a text that is not empty; `what` says what it names."""
+    if not isinstance(value, str) or not value:
+        raise TypeError(f"{name} = {shown(value)}: must be {what}")
+    return value
+
+
 def optional(name: str, value: object, check: Callable[..., Any], **bounds: Any) -> Any:
     """Check a value that may be None; arguments as of `setting`."""
     return None if value is None else check(name, value, **bounds)

@@ -41,6 +41,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({"initial_policy": ""}, r"initial_policy = '': must be a folder, a file or a name"),
         ({"curriculum_options": {"noize": 1.0}}, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"curriculum_options": [1]}, r"curriculum_options = \[1\]: must be a mapping"),
+        ({**DAGGER, "plans": ""}, r"plans = '': must be the path of a folder"),
         ({**DAGGER, "lags": 3}, r"lags = 3: must be a list or a tuple"),
     ],
     FileNotFoundError: [({**INITIAL, "initial_policy": "nobody"}, r"'nobody': neither a folder or file nor a shipped")],

@@ -1,6 +1,7 @@
 """Policies as numpy runs them: the actions of torch, encoders and their memory, files."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-import flexarm_agents.training.models
-import flexarm_agents.training.reward
 from flexarm_agents import (
     NetworkPolicy,
     config_of,
@@ -169,10 +168,7 @@ def test_the_value_alone_sees_what_is_privileged() -> None:
 
 
 def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(name: str) -> None:
-        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-    monkeypatch.setattr(flexarm_agents.training.models, "import_module", fail)
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
     with pytest.raises(ModuleNotFoundError, match=r"algorithm = 'tqc': sb3_contrib is not installed; .*\[train\]"):
         train(config_of(**TINIES["tqc"]), tmp_path / "run")
     assert not (tmp_path / "run").exists()
