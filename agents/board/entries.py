@@ -186,8 +186,8 @@ def _recipe(entry: Entry) -> Recipe:
         check_fits(entry.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
         return trained.policy
 
-    files, config = (policy_file(entry.source),), trained.notes["config"]
-    return Recipe(trained.environment, own, check, files=files, config=config)
+    file, config = policy_file(entry.source), trained.notes["config"]
+    return Recipe(trained.environment, own, check, files=(file,), config=config)
 
 
 # By default the law acts on the joints, which are not late; here it acts on the late sensor, as in the paper.
