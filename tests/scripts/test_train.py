@@ -53,7 +53,7 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
     here = SimpleNamespace(run=lambda function, jobs, stoppable: reversed([*enumerate(_run_share(function, jobs))]))
     monkeypatch.setattr(sweep, "executor", lambda *given: here)
-    base = PPOConfig(**TINY)
+    base = PPOConfig(**TINY | {"steps": 128})  # one rollout, one evaluation
     options = sweep.Options("0-1", tmp_path / "sweep.json", tmp_path / "out")
     monkeypatch.setattr(sweep, "read", lambda: (base, options))
     sweep.main()
