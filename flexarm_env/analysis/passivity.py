@@ -76,12 +76,9 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
     if not len(frequencies) or np.any(frequencies <= 0.0):
         raise ValueError(f"omega = {shown(omega)}: must be > 0 [rad/s], and one at least")
     slope = number("growth", growth, least=0.0)
-    smallest, size = np.empty_like(frequencies), np.empty_like(frequencies)
-    for i, w in enumerate(frequencies):
-        response = plant.at(w * complex(slope, 1.0))
-        smallest[i] = np.linalg.eigvalsh(0.5 * (response + response.conj().T))[0]
-        size[i] = np.linalg.norm(response, 2)
-    return Passivity(frequencies, smallest, smallest / size)
+    responses = np.array([plant.at(w * complex(slope, 1.0)) for w in frequencies])
+    smallest = np.linalg.eigvalsh(0.5 * (responses + responses.conj().swapaxes(1, 2)))[:, 0]
+    return Passivity(frequencies, smallest, smallest / np.linalg.norm(responses, 2, axis=(1, 2)))
 
 
 def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:

@@ -228,15 +228,13 @@ def _finite(a: Array, b: Array, infinite: float) -> Complex:
 
 def _merge(values: Complex, origin: float) -> Complex:
     """Sort by magnitude, and replace clusters by their means."""
-    left = list(values[np.lexsort((values.imag, values.real, np.abs(values)))])
+    left = values[np.lexsort((values.imag, values.real, np.abs(values)))]
     merged: list[complex] = []
-    while left:
-        reach = max(SAME * abs(left[0]), origin)
-        near = [abs(value - left[0]) <= reach for value in left]
-        cluster = [value for value, close in zip(left, near, strict=True) if close]
-        left = [value for value, close in zip(left, near, strict=True) if not close]
-        mean = sum(cluster) / len(cluster)
-        merged += [mean if abs(mean) > origin else 0.0] * len(cluster)
+    while len(left):
+        near = np.abs(left - left[0]) <= max(SAME * abs(left[0]), origin)
+        mean = complex(left[near].mean())
+        merged += [mean if abs(mean) > origin else 0.0] * int(near.sum())
+        left = left[~near]
     array = np.array(merged, dtype=complex)
     return np.where(np.abs(array.imag) <= 1e-9 * np.abs(array), array.real, array)
 
