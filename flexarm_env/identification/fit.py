@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
@@ -177,13 +178,9 @@ class Fit:
             rows = np.concatenate(parts, axis=1)
             rows[~np.isfinite(rows).all(axis=-1)] = 0.0
             short: Array = np.asarray(np.linalg.qr(rows, mode="r"))
-            fitted, size = len(self.names), short.shape[-1] - 1 - len(self.names)
-            jacobian = np.zeros((count, short.shape[1], fitted + count * size))
-            jacobian[..., :fitted] = short[..., :fitted]
-            for n in range(count):
-                jacobian[n, :, fitted + n * size : fitted + (n + 1) * size] = short[n, :, fitted:-1]
-            whole = jacobian.reshape(-1, jacobian.shape[-1])
-            self._latest = unknown.copy(), short[..., -1].ravel(), whole
+            by_value, by_state, residuals = np.split(short, [len(self.names), short.shape[-1] - 1], axis=-1)
+            jacobian = np.hstack([np.concatenate(by_value), block_diag(*by_state)])  # windows have states of their own
+            self._latest = unknown.copy(), residuals.ravel(), jacobian
         return self._latest[1:]
 
 
