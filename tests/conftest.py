@@ -97,11 +97,3 @@ def flexarm(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     from tests.support.shell import Shell  # after the variables above are set
 
     return Shell(monkeypatch, capsys, tmp_path)
-
-
-@pytest.fixture
-def kernels(request: pytest.FixtureRequest) -> str:
-    """Run the test's kernels in plain Python ("plain"), or compile them ("compiled"); see `support.plain.KERNELS`."""
-    if request.param == "plain":
-        request.getfixturevalue("uncompiled")
-    return str(request.param)

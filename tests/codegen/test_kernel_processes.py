@@ -68,8 +68,8 @@ def together(copy: Path) -> list[tuple[str, int, list[str]]]:
 def test_of_processes_that_start_together_one_compiles(copy: Path, together: list[tuple[str, int, list[str]]]) -> None:
     assert sorted(hits for _, hits, _ in together) == [0, 1]
     assert together[0][2] == together[1][2]
+    assert together[0][0] == together[1][0]
     assert not list((copy / "cache").glob("*.tmp"))  # nothing is left lying about
-    assert finish(start(copy)) == (together[0][0], 1, together[0][2])  # the cache that they leave is a good one
 
 
 EDITS = [
@@ -186,7 +186,7 @@ thread.join()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
-@pytest.mark.parametrize("program", [FORK_WHILE_COMPILING, FORK_WHILE_MAKING], ids=["compiling", "making"])
-def test_a_fork_while_another_thread_works_leaves_a_child_that_works(tmp_path: Path, program: str) -> None:
-    out, err = start(tmp_path, program=program).communicate(timeout=100)
-    assert out == "2\n", err
+def test_a_fork_while_another_thread_works_leaves_a_child_that_works(tmp_path: Path) -> None:
+    """While it compiles a kernel, and while it makes settings."""
+    out, err = start(tmp_path, program=FORK_WHILE_COMPILING + FORK_WHILE_MAKING).communicate(timeout=100)
+    assert out == "2\n2\n", err

@@ -44,7 +44,8 @@ def used() -> dict[str, set[str]]:
     """Return what the package imports of modules of numba and llvmlite that are not promised."""
     found: dict[str, set[str]] = {}
     for path in Path(flexarm_env.__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "numba" in text or "llvmlite" in text else ():
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ("numba", "llvmlite"):
                 for name in node.names:
                     private = node.module not in PROMISED or name.name.startswith("_")

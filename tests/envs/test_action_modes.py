@@ -65,7 +65,7 @@ def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
 @pytest.mark.usefixtures("uncompiled")
 def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:
     """Before the first has arrived there is no torque, and no gain, whose action is -1."""
-    actions = exact_actions(30, size=0.3)[:, : 1 if mode == "gain" else 2]
+    actions = exact_actions(12, size=0.3)[:, : 1 if mode == "gain" else 2]
     shifted = np.vstack([np.full_like(actions[:2], -1.0 if mode == "gain" else 0.0), actions[:-2]])
     late = recorded(bare(env_id, action_mode=mode, actuation_delay=0.02, start="corner", **FREE), actions)
     prompt = recorded(bare(env_id, action_mode=mode, start="corner", **FREE), shifted)
@@ -76,7 +76,7 @@ def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode:
 RATE: dict[str, Any] = {"action_mode": "torque_rate", "observation": [*DEFAULT_OBSERVATION, "torque"]}
 
 
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+@pytest.mark.parametrize("kernels", KERNELS)
 def test_torque_rates_add_up(kernels: str) -> None:
     """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
     env = bare(start="moving", physics_step=1e-3, **RATE, **FREE)

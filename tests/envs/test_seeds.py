@@ -85,11 +85,10 @@ def test_another_process_repeats_seeds_and_goes_on_from_pickles_and_states(tmp_p
 def test_seeds(env_id: str) -> None:
     """Each has an episode of its own; without one the next follow, and their sequence repeats."""
     env, twin = make(env_id, **noisy(env_id)), make(env_id, **noisy(env_id))
-    runs = [seeded(seed, env, 4) for seed in (7, None, None, 8)]
-    assert len(set(runs)) == 4
-    assert [seeded(seed, twin, 4) for seed in (7, None, None, 8)] == runs
-    assert seeded(7, env, 4) == runs[0]
-    assert seeded(None, make(env_id, **noisy(env_id)), 4) not in runs
+    runs = [seeded(seed, env, 2) for seed in (7, None, None, 8)]
+    assert len({*runs, seeded(None, twin, 2)}) == 5
+    assert [seeded(seed, twin, 2) for seed in (7, None, None, 8)] == runs
+    assert seeded(7, env, 2) == runs[0]
 
 
 def test_the_global_generator_is_neither_read_nor_moved() -> None:
@@ -135,15 +134,10 @@ def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], see
         assert keys.take(np.array(chosen)).tolist() == expected
 
 
-COPIED = [(partial(made, name, **noisy(name)), 30) for made in (make, bare) for name in (SQUARE, RESIDUAL, PAPER)]
+COPIED = [(partial(made, name, **noisy(name)), 12) for made in (make, bare) for name in (SQUARE, RESIDUAL, PAPER)]
 COPIED.append((partial(bare, arm={"modes_per_link": 1}, randomisation=ALL, **EITHER), 5))
 COPIED += [  # across resets, with a pool of threads that no pickle can hold
-    (partial(vector, env_id, count, max_episode_steps=steps + 2, threads=threads, **options), steps)
-    for env_id, count, steps, threads, options in (
-        (SQUARE, 11, 20, 1, NOISY),
-        (SQUARE, 11, 20, 2, NOISY),
-        (PAPER, 9, 3, 2, CALM),
-    )
+    (partial(vector, SQUARE, 11, max_episode_steps=22, threads=threads, **NOISY), 20) for threads in (1, 2)
 ]
 
 
@@ -156,7 +150,7 @@ def test_a_copy_continues_identically(made: Any, steps: int, how: Any) -> None:
     twin = how(env)
     found = digest(twin, steps + 2)
     assert digest(env, steps + 2) == found
-    assert seeded(None, twin) == seeded(None, env)
+    assert seeded(None, twin, 4) == seeded(None, env, 4)
     env.close()
     twin.close()
 

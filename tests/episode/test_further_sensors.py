@@ -82,7 +82,7 @@ def test_the_delay_line_is_long_enough_for_either_sensor() -> None:
     assert longest.history_slots * longest.control_period / longest.substeps >= 0.52
 
 
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+@pytest.mark.parametrize("kernels", KERNELS)
 def test_readings_in_an_environment(kernels: str) -> None:
     """The point of link 1 as late as it is, in the link's frame, with noise of its own; nothing else changes."""
     options: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1}}

@@ -261,14 +261,15 @@ def same_as_alone(
     *,
     per_env: dict[str, list[Any]] | None = None,
     chosen: Sequence[int] | None = None,
+    limit: int = 23,
 ) -> None:
     """Compare a batch with single environments of the same options, all or those chosen, to the last bit.
 
-    Episodes begin anew after 23 steps, and where they end before.
+    Episodes begin anew after `limit` steps, and where they end before.
     """
-    batch = vector(env_id, count, max_episode_steps=23, per_env=per_env, **options)
+    batch = vector(env_id, count, max_episode_steps=limit, per_env=per_env, **options)
     own = {i: {name: values[i] for name, values in (per_env or {}).items()} for i in chosen or range(count)}
-    alone = {i: make(env_id, max_episode_steps=23, **options, **each) for i, each in own.items()}
+    alone = {i: make(env_id, max_episode_steps=limit, **options, **each) for i, each in own.items()}
     found, _ = batch.reset(seed=7)
     expected = {i: env.reset(seed=7 + i)[0] for i, env in alone.items()}
     ended = set()

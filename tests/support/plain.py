@@ -77,7 +77,7 @@ _SHARED = {
         Variant(GAIN, 3, True, lanes, **_DEFAULT_ARM),
     )
 }
-# What a test does with kernels that no other test compiles: to be used with the fixture `kernels`, `indirect=True`.
+# Of a test whose kernels no other test compiles, but for a few: those run in plain Python, or in a slow test compiled.
 KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
 
 

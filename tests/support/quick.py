@@ -5,6 +5,7 @@ formulas, which take arrays too, work on single numbers.
 """
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,13 @@ def _where_less(x: float, bound: float, then: float, otherwise: float) -> float:
     return then if x < bound else otherwise
 
 
-_OF_NUMBERS: dict[Any, Any] = {tracing.quarter_turns: plain._quarter_turns, tracing.where_less: _where_less}
+def _quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
+    of_arrays = tracing.quarter_turns.__wrapped__  # type: ignore[attr-defined]
+    found: tuple[float, float] = (plain._quarter_turns if isfinite(k) else of_arrays)(k, sine, cosine)
+    return found
+
+
+_OF_NUMBERS: dict[Any, Any] = {tracing.quarter_turns: _quarter_turns, tracing.where_less: _where_less}
 _NUMBERS = _Numbers()
 
 
