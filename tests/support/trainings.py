@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, train
+from flexarm_agents.files import put
 from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training import loop
 from flexarm_agents.training.config import RunConfig
@@ -123,7 +124,7 @@ def without_pictures(but: str = "") -> Iterator[None]:
 
 
 def _drawn_in(folder: str, draw: Callable[..., None]) -> Callable[..., None]:
-    return lambda *given: draw(*given) if given[-1].parent.name == folder else given[-1].touch()
+    return lambda *given: draw(*given) if given[-1].parent.name == folder else put(given[-1], Path.touch)
 
 
 @contextmanager
