@@ -5,6 +5,7 @@ formulas, which take arrays too, work on single numbers.
 """
 
 from collections.abc import Callable, Sequence
+from inspect import unwrap
 from math import isfinite
 from typing import Any
 
@@ -28,7 +29,7 @@ _WORKED_OUT, _ASKED = Entry.__get__, tracing._asked
 def _place(entry: Entry, table: Names | None, owner: type) -> Any:
     present = declarations._PRESENT.get(None)
     if table is None or present is None:
-        return _WORKED_OUT(entry, table, owner)  # type: ignore[call-overload]
+        return _WORKED_OUT(entry, table, owner)
     known: dict[Any, Any] = present.places
     if entry not in known:
         known[entry] = _WORKED_OUT(entry, table, owner)
@@ -55,8 +56,8 @@ def _where_less(x: float, bound: float, then: float, otherwise: float) -> float:
 
 
 def _quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
-    of_arrays = tracing.quarter_turns.__wrapped__  # type: ignore[attr-defined]
-    found: tuple[float, float] = (plain._quarter_turns if isfinite(k) else of_arrays)(k, sine, cosine)
+    of_one: Any = plain._quarter_turns if isfinite(k) else unwrap(tracing.quarter_turns)
+    found: tuple[float, float] = of_one(k, sine, cosine)
     return found
 
 
