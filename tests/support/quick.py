@@ -48,7 +48,9 @@ class _Numbers(tracing.Symbol):
     """Stands for arguments that are single numbers, which need none of numpy's detours for arrays."""
 
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-        return _OF_NUMBERS.get(function, function.__wrapped__)(*arguments)  # type: ignore[attr-defined]
+        if function not in _OF_NUMBERS:
+            _OF_NUMBERS[function] = unwrap(function)
+        return _OF_NUMBERS[function](*arguments)
 
 
 def _where_less(x: float, bound: float, then: float, otherwise: float) -> float:
