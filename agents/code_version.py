@@ -12,7 +12,7 @@ import importlib.util
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
 # Data that a module reads from its package.
@@ -39,7 +39,7 @@ def code_version(modules: Iterable[str], without: Collection[str] = (), data: Ma
 def _version(modules: tuple[str, ...], without: frozenset[str], data: tuple[tuple[str, str], ...]) -> str:
     digest = hashlib.sha256()
     for name in sorted(_closure(modules, without)):
-        digest.update(f"{name} {_source_hash(name)}\n".encode())
+        digest.update(f"{name} {_source(name).hash}\n".encode())
         for path in _data(name, dict(data)):
             digest.update(f"{path.name} {file_hash(path)}\n".encode())
     return digest.hexdigest()[:32]
@@ -59,15 +59,23 @@ def _closure(modules: tuple[str, ...], without: frozenset[str]) -> frozenset[str
         name = waiting.pop()
         if name not in found and name not in without:
             found.add(name)
-            waiting += _imports(name)
+            waiting += _source(name).imports
     return frozenset(found)
 
 
+class _Source(NamedTuple):
+    """What counts of a module's source."""
+
+    imports: tuple[str, ...]  # names of modules
+    hash: str
+
+
 @cache
-def _imports(name: str) -> tuple[str, ...]:
+def _source(name: str) -> _Source:
     tree, folder = _tree(name), _path(name).parent
     package = name if _path(name).name == "__init__.py" else name.rpartition(".")[0]
-    return tuple(sorted(one for one in set(_named(tree, package)) if _counts(one, folder)))
+    imports = sorted(one for one in set(_named(tree, package)) if _counts(one, folder))
+    return _Source(tuple(imports), hashlib.sha256(_written(tree).encode()).hexdigest())
 
 
 def _named(tree: ast.AST, package: str) -> Iterator[str]:
@@ -120,11 +128,6 @@ def _tree(name: str) -> ast.Module:
                 if isinstance(first.value.value, str):
                     del node.body[0]
     return tree
-
-
-@cache
-def _source_hash(name: str) -> str:
-    return hashlib.sha256(_written(_tree(name)).encode()).hexdigest()
 
 
 def _written(node: Any) -> str:

@@ -103,7 +103,7 @@ def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
 
     def version(text: str) -> str:
         module.write_text(text)
-        for cached in ("_version", "_closure", "_imports", "_is_module", "_source_hash"):
+        for cached in ("_version", "_closure", "_source", "_is_module"):
             getattr(versions, cached).cache_clear()
         return code_version([module.stem])
 
