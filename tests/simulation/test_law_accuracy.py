@@ -60,6 +60,13 @@ SLOW = (
 PLAIN = ("paper, current Jacobian", "true sensor 2 m past the elbow, late rates, noise")
 
 
+@pytest.fixture
+def kernels(request: pytest.FixtureRequest) -> None:
+    """Run a case's kernels "compiled", or in "plain" Python."""
+    if request.param == "plain":
+        request.getfixturevalue("uncompiled")
+
+
 def fast_or_slow(names: Iterable[str]) -> list[Any]:
     def case(name: str) -> Any:
         kernels = "plain" if name in PLAIN else "compiled"
