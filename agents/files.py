@@ -48,9 +48,13 @@ def check_place(name: str, path: Path) -> None:
 
     Raises:
         IsADirectoryError: if the path is a folder.
+        NotADirectoryError: if it would be in a file.
         PermissionError: if its folder may not be written to.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise NotADirectoryError(f"{name} = {path}: must be in a folder, not in a file") from None
     if path.is_dir():
         raise IsADirectoryError(f"{name} = {path}: is a folder; must be a file")
     if not os.access(path.parent, os.W_OK):

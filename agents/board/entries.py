@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
@@ -33,8 +34,8 @@ from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS, controller_names
 from flexarm_env.validation import known_names, mapping
 
-NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
-_UNFIT = re.compile(r"[^\w.+:=,()/ -]")  # characters that it has not
+_FIT = r"\w.+:=,()/ -"  # characters of a name
+NAME = re.compile(f"[{_FIT}]{{1,60}}")
 _BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
 
 
@@ -57,8 +58,11 @@ class Entry:
 
     def __post_init__(self) -> None:
         path = Path(self.source)
-        own = path.resolve().name if path.is_dir() else path.stem if path.is_file() else self.source
-        object.__setattr__(self, "name", self.name or _UNFIT.sub("_", own)[-60:])
+        if path.is_dir() and self.source:
+            own = os.path.basename(os.path.abspath(path))
+        else:
+            own = path.stem if path.is_file() else self.source
+        object.__setattr__(self, "name", self.name or re.sub(f"[^{_FIT}]", "_", own)[-60:])
         object.__setattr__(self, "environment", check_id(self.environment))
         object.__setattr__(self, "options", interface_of(self.options, strict=True))
         if not NAME.fullmatch(self.name):

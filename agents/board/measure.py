@@ -155,7 +155,7 @@ def published() -> dict[str, Any] | None:
 
 
 def beside(results: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a board with those entries of another one that it has not measured, at the points that both have."""
+    """Return a board with the entries of another one that it has not measured; that one must have its points."""
     own = {entry["name"] for entry in results["rows"]}
     columns = {name: column for name, column in results["columns"].items() if name in others["columns"]}
 

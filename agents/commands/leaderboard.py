@@ -69,7 +69,7 @@ class Measured(NamedTuple):
 
     entries: list[Entry]  # that were chosen
     results: dict[str, Any]  # a board of those that are whole
-    board: dict[str, Any]  # the same among all entries, where some were chosen
+    board: dict[str, Any]  # the same, with the published figures of all other entries where some were named
     failed: list[Failure]
 
 
@@ -100,5 +100,5 @@ def run(arguments: Sequence[str]) -> None:
         if rank := place(board, entry.name):
             print(f"{entry.name}: rank {rank[0]} of {rank[1]}")
     whole = f"{len(results['rows'])} of {len(entries)} entries"
-    print(f"{given.output / DATA}: board {BOARD}, {whole}; tables of all beside it")
+    print(f"{given.output / DATA}: board {BOARD}, {whole}; the tables beside it have all")
     check_failures(failed, given.output, INCOMPLETE)

@@ -73,8 +73,10 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
     if not all(sensor.rate for sensor in plant.sensors):
         raise ValueError(f"plant: its outputs {list(plant.outputs)} must be rates; take `sensor.rates()`")
     frequencies = finite_array("omega", omega, (None,))
-    if not len(frequencies) or np.any(frequencies <= 0.0):
-        raise ValueError(f"omega = {shown(omega)}: must be > 0 [rad/s], and one at least")
+    if not len(frequencies):
+        raise ValueError("omega = []: must have one frequency at least [rad/s]")
+    if np.any(frequencies <= 0.0):
+        raise ValueError(f"omega = {float(frequencies.min())!r}: must be > 0 [rad/s]")
     slope = number("growth", growth, least=0.0)
     responses = np.array([plant.at(w * complex(slope, 1.0)) for w in frequencies])
     smallest = np.linalg.eigvalsh(0.5 * (responses + responses.conj().swapaxes(1, 2)))[:, 0]

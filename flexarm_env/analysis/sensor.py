@@ -52,7 +52,7 @@ class Sensor:
         if self.kind == "rigid point" and self.link != 2:
             raise ValueError(f"link = {self.link}: a rigid point is on link 2; of link 1 take a true point")
         if self.kind == "joint angles" and (self.link, self.position) != (2, None):
-            raise ValueError(f"link = {self.link}, position = {self.position}: joint angles have neither")
+            raise ValueError(f"link = {self.link}, position = {self.position}: joint angles have no place")
         if self.position is not None:
             object.__setattr__(self, "position", number("position", self.position, "m", least=0.0))
         flag("rate", self.rate)

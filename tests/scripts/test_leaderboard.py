@@ -281,7 +281,7 @@ def test_the_verb_measures_what_it_is_asked_for(
     monkeypatch.setattr(measuring, "COLUMNS", TINY)
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
     verb.run(["--entries", "agent", "--columns", "payload", "--output", str(tmp_path)])
-    assert capsys.readouterr().out.endswith("1 of 1 entries; tables of all beside it\n")
+    assert capsys.readouterr().out.endswith("1 of 1 entries; the tables beside it have all\n")
     table = (tmp_path / "axis_payload.md").read_text()
     assert "| agent |" in table
     assert "| lqg |" in table  # as it was published

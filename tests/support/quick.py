@@ -1,7 +1,7 @@
 """Drivers in plain Python in half the time, to the same bits: what they ask for in every line is remembered.
 
 A driver reads thousands of its variant's attributes and of places in tables in a period, each worked out anew, and its
-formulas, which take arrays too, work on single numbers. This belongs into `flexarm_env.codegen`, whose code is part of
+formulas, which take arrays too, work on single numbers. This belongs in `flexarm_env.codegen`, whose code is part of
 what decides the arms of the leaderboard's entries: it moves there with the next edition of the board.
 """
 
