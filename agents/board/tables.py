@@ -111,7 +111,7 @@ def ranking(board: Board) -> str:
 
     def cells(entry: Entry) -> list[str]:
         each = (one.over(entry, board) for one in best)
-        written = [" / ".join(LOST if one is None else signed(one) for one in laps) for laps in each]
+        written = [" / ".join(LOST if one is None else signed(one) for one in own) for own in each]
         return [*written, ", ".join(entry["reads"]) or "nothing"]
 
     return _ranking(board, (*over, "reads"), cells)
