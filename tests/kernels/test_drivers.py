@@ -48,8 +48,8 @@ def test_environments_run_in_plain_python_as_compiled(
 
 def played(settings: Settings) -> list[np.ndarray]:
     """Return observations and results of an episode's beginning in plain Python."""
-    simulator = BatchSimulator(settings, 2)
-    simulator.start(np.arange(2, dtype=np.uint64) + 5, np.arange(2), simulator.usual_requests)
+    simulator = BatchSimulator(settings, 1)
+    simulator.start(np.arange(1, dtype=np.uint64) + 5, np.arange(1), simulator.usual_requests)
     rng, found = np.random.default_rng(0), []
     for _ in range(3):
         simulator.actions[:] = rng.uniform(-0.5, 0.5, simulator.actions.shape)
@@ -59,7 +59,7 @@ def played(settings: Settings) -> list[np.ndarray]:
     return found
 
 
-@pytest.mark.parametrize("env_id", [SQUARE, PAPER])
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
 def test_what_makes_plain_python_quick_changes_no_bit(env_id: str) -> None:
     settings, found = Settings.of(dict(gym.spec(env_id).kwargs)), []
     for quick in (True, False):
