@@ -59,6 +59,7 @@ def played(settings: Settings) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
 def test_what_makes_plain_python_quick_changes_no_bit(env_id: str) -> None:
     settings, found = Settings.of(dict(gym.spec(env_id).kwargs)), []
