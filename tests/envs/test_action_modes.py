@@ -12,17 +12,14 @@ from scipy.interpolate import CubicHermiteSpline
 from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, TORQUE_LIMITS, Array, bare, block, exact_actions
+from tests.support.envs import FREE, GAIN, RESIDUAL, SQUARE, TORQUE_LIMITS, Array, bare, block, exact_actions, played
 from tests.support.plain import KERNELS
 
 
 def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Array]:
-    infos = [env.reset(seed=1, options=options)[1]]
-    for action in actions:
-        _, _, terminated, _, info = env.step(action)
-        assert not terminated
-        infos.append(info)
-    return np.array([info["state"] for info in infos]), np.array([info["torque"] for info in infos[1:]])
+    """Return the states at all instants, and the torque of each period."""
+    _, infos = played(env, actions, 1, **options)
+    return infos["state"], infos["torque"][1:]
 
 
 @pytest.mark.parametrize(("period", "physics_step", "substeps"), [(0.02, 1e-3, 20), (0.01, 3e-4, 34), (0.001, None, 1)])
@@ -85,11 +82,11 @@ def test_torque_rates_add_up(kernels: str) -> None:
     for change in changes:
         expected.append(np.clip(expected[-1] + change, -TORQUE_LIMITS, TORQUE_LIMITS))
     for _ in range(2):
-        observations, infos = zip(env.reset(seed=1), *(env.step(action)[::4] for action in actions), strict=True)
-        states, torques = (np.array([info[name] for info in infos]) for name in ("state", "torque"))
+        observations, infos = played(env, actions, 1)
+        states, torques = infos["state"], infos["torque"]
         assert (np.abs(expected) == TORQUE_LIMITS).any(axis=0).all()
         np.testing.assert_allclose(torques, expected, rtol=1e-14)
-        np.testing.assert_allclose(block(env, np.array(observations), "torque"), torques, rtol=1e-6)
+        np.testing.assert_allclose(block(env, observations, "torque"), torques, rtol=1e-6)
         run = env.arm.simulate(states[0], np.repeat(torques[1:], 10, axis=0), 0.6)
         np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
 
@@ -169,28 +166,6 @@ def test_torque_limits_hold() -> None:
         env = bare(env_id, torque_limit=(20.0, 5.0), start="corner", **(FREE | options))
         torques = [env.step(np.full(env.action_space.shape, 1.0 - k % 3))[4]["torque"] for k in range(30)]
         np.testing.assert_array_equal(np.abs(torques).max(axis=0), limit)
-
-
-def test_the_same_law_held_over_a_period_is_unstable() -> None:
-    """Without hub inertia the elbow has next to no inertia of its own: held for 10 ms, its damping overshoots.
-
-    Inside the integrator the same law keeps the resting arm at rest.
-    """
-    stiffness, resistance = np.array([60.0, 20.0]), np.array([20.0, 6.0])
-    start = np.zeros(12)
-    start[:2] = inverse_kinematics(bare().arm.parameters, (-6.3, -6.3), "positive")
-    start[6:8] = 1e-3
-    still = {"reference": "waypoints", "waypoints": [(-6.3, -6.3), (-6.3, -6.3 + 1e-9)]}
-    inner, outer = bare(RESIDUAL, **still), bare(SQUARE, **still)
-    inner.reset(options={"state": start})
-    state = outer.reset(options={"state": start})[1]["state"]
-    fastest = 0.0
-    for _ in range(200):
-        torque = stiffness * (start[:2] - state[:2]) - resistance * state[6:8]
-        state = outer.step(torque / TORQUE_LIMITS)[4]["state"]
-        fastest = max(fastest, np.abs(state[6:8]).max())
-        assert np.abs(inner.step(np.zeros(2))[4]["state"][6:8]).max() < 2e-3
-    assert fastest > 10.0
 
 
 @pytest.mark.parametrize("sensor", ["rigid", "true"])

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from flexarm_env import register_environments
+from flexarm_env import end_reason, register_environments
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.info import KEYS, info_keys
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.envs.test_bounds import POLICIES, play
 from tests.support.envs import (
     CASE_NAMES,
     CASES,
@@ -32,6 +31,7 @@ from tests.support.envs import (
     in_fresh_process,
     kinds_of,
     make,
+    terms_of,
     vector,
 )
 from tests.support.plain import KERNELS
@@ -53,12 +53,6 @@ def test_gymnasiums_checker_with_pictures_and_closing(env_id: str) -> None:
     check_env(make(env_id).unwrapped)
 
 
-def test_what_is_registered() -> None:
-    names = "Carry Lab Paper Race Reach SmoothSquare Square SquareDelayEasy SquareDelayHard SquareDelayMedium"
-    names += " SquareEncoders SquareGain SquareResidual SquareUnknown Track"
-    assert [name[8:-3] for name in IDS] == names.split()
-
-
 def test_registering_again_is_harmless() -> None:
     before = dict(gym.registry)
     register_environments()  # Gymnasium warns of overwritten ids, and a warning is an error
@@ -75,6 +69,36 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
     assert env.control_period == {PAPER: 1e-3, "FlexArm/Lab-v0": 2e-3}.get(env_id, 1e-2)
     if not env.settings.mode.races:
         assert bare(env_id, lap_time=4.0).lap_steps == round(4.0 / env.control_period)
+
+
+POLICIES = ("random", "bang-bang", "spin", "none")
+
+
+def actions_of(policy: str, shape: tuple[int, ...], steps: int, seed: int) -> np.ndarray:
+    """Make the worst actions: full torques that change at random, or never, beyond the range now and then."""
+    rng = np.random.default_rng(seed)
+    if policy == "random":
+        return rng.uniform(-1.5, 1.5, (steps, *shape)).astype(np.float32)
+    if policy == "bang-bang":
+        return np.repeat(rng.choice([-1.0, 1.0], (steps // 3 + 1, *shape)), 3, axis=0)[:steps]
+    return np.full((steps, *shape), 1.0 if policy == "spin" else 0.0, np.float32)
+
+
+def play(env: Any, policy: str, steps: int, seed: int) -> None:
+    """Play episodes until so many steps are done: observations within their space, rewards within their range."""
+    largest = sum(env.unwrapped.settings.reward_weights.values()) * (1.0 + 1e-9)
+    observation, _ = env.reset(seed=seed)
+    assert env.observation_space.contains(observation)
+    for action in actions_of(policy, env.action_space.shape, steps, seed):
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert env.observation_space.contains(observation), observation
+        assert 0.0 <= reward <= largest
+        assert sum(terms_of(info).values()) == pytest.approx(reward, rel=1e-12, abs=1e-12)
+        assert min(terms_of(info).values()) >= 0.0
+        assert (end_reason(info["end_code"]) != "none") == terminated
+        if terminated or truncated:
+            observation, _ = env.reset()
+            assert env.observation_space.contains(observation)
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
@@ -202,23 +226,6 @@ def test_gymnasiums_worker_processes(context: str) -> None:
     for action in actions_for(twin, 20):
         assert_same(env.step(action), twin.step(action))
     env.close()
-
-
-@pytest.mark.slow  # each worker imports torch
-def test_stable_baselines3s_worker_processes() -> None:
-    env_util = pytest.importorskip("stable_baselines3.common.env_util")
-    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
-    kinds = (vec_env.SubprocVecEnv, vec_env.DummyVecEnv)
-    runs = []
-    for kind in kinds:
-        env = env_util.make_vec_env(f"flexarm_env:{SQUARE}", 2, seed=1, env_kwargs=OPTIONS, vec_env_cls=kind)
-        rows = [env.reset()]
-        for action in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2, 2)).astype(np.float32):
-            observation, reward, done, infos = env.step(action)
-            rows += [observation, reward.astype(np.float32), done, np.array([info["state"] for info in infos])]
-        env.close()
-        runs.append(rows)
-    assert_same(*runs)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.inverse_kinematics import elbow_side
 from flexarm_env.physics.paths import ReferencePath
-from tests.support.envs import EVERYWHERE, FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, Array, bare, block
+from tests.support.envs import EVERYWHERE, FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, Array, bare, block, played
 
 STEPS = 40
 ALL: dict[str, Any] = {"observation": EVERYWHERE, "error_limit": None, "deflection_limit": None}
@@ -35,14 +35,8 @@ class Run(NamedTuple):
 def recorded(env: FlexArmEnv, time: float = 3.85, size: float = 0.2, seen: str = "sensed") -> Run:
     """Run an episode with random actions that passes the corner at 4 s; `seen`: the info that is `Run.sensed`."""
     actions = np.random.default_rng(2).uniform(-size, size, (STEPS, *env.action_space.shape)).astype(np.float32)
-    rows = [env.reset(seed=2, options={"time": time})]
-    for action in actions:
-        observation, _, terminated, _, info = env.step(action)
-        assert not terminated
-        rows.append((observation, info))
-    states, sensed = (np.array([info[name] for _, info in rows]) for name in ("state", seen))
-    times = time + np.array([info["time"] for _, info in rows])
-    return Run(env, np.array([row for row, _ in rows], dtype=float), states, sensed, times, actions)
+    observations, infos = played(env, actions, 2, time=time)
+    return Run(env, observations, infos["state"], infos[seen], time + infos["time"], actions)
 
 
 def in_frame(run: Run, vectors: Array) -> Array:
@@ -166,8 +160,7 @@ def motion_of_the_point(
     """
     place = place or env.settings.sensor_position
     fine = bare(**(options | {"control_period": 1e-3}))
-    fine.reset(seed=2, options={"time": run.times[0], "state": run.states[0]})
-    states = np.array([run.states[0], *(fine.step(run.actions[k // 10])[4]["state"] for k in range(10 * STEPS))])
+    states = played(fine, run.actions.repeat(10, axis=0), 2, time=run.times[0], state=run.states[0])[1]["state"]
     np.testing.assert_allclose(states[::10], run.states, rtol=1e-9, atol=1e-9)
     points, velocities = env.arm.position(states[:, : env.arm.size], link, place), env.arm.velocity(states, link, place)
     times = run.times[0] + 1e-3 * np.arange(-100, len(states))

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexarm_env import ArmParameters, SquareParameters, square
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import PAPER, Array, bare, block
+from tests.support.envs import PAPER, Array, bare, block, played
 
 STEPS = 60
 
@@ -15,10 +15,8 @@ STEPS = 60
 paper = partial(bare, PAPER)
 
 
-def recorded(env: FlexArmEnv) -> tuple[Array, list[dict[str, Any]]]:
-    actions = np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32)
-    observations, infos = zip(env.reset(seed=2), *(env.step(action)[::4] for action in actions), strict=True)
-    return np.array(observations), list(infos)
+def recorded(env: FlexArmEnv) -> tuple[Array, dict[str, Array]]:
+    return played(env, np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32), 2)
 
 
 def test_the_set_up() -> None:
@@ -69,13 +67,12 @@ def test_the_reference_where_corners_fall_between_the_instants() -> None:
 def test_info_and_tips() -> None:
     env = paper(arm="default")
     _, infos = recorded(env)
-    q = np.array([info["state"][: env.arm.size] for info in infos])
-    np.testing.assert_allclose([info["true_tip"] for info in infos], env.arm.tip(q), atol=1e-13)
-    np.testing.assert_allclose([info["rigid_tip"] for info in infos], env.arm.rigid_tip(q), atol=1e-13)
-    np.testing.assert_allclose([info["time"] for info in infos], 1e-3 * np.arange(STEPS + 1), rtol=1e-12)
-    references = square(SquareParameters()).position([info["time"] for info in infos])
-    np.testing.assert_allclose([info["reference"] for info in infos], references, atol=1e-14)
-    np.testing.assert_allclose(infos[0]["rigid_tip"], (-6.3, -6.3), atol=1e-14)
-    assert not infos[0]["state"][2:].any()  # at rest, straight
-    assert infos[0]["state"][1] > 0.0
+    q = infos["state"][:, : env.arm.size]
+    np.testing.assert_allclose(infos["true_tip"], env.arm.tip(q), atol=1e-13)
+    np.testing.assert_allclose(infos["rigid_tip"], env.arm.rigid_tip(q), atol=1e-13)
+    np.testing.assert_allclose(infos["time"], 1e-3 * np.arange(STEPS + 1), rtol=1e-12)
+    np.testing.assert_allclose(infos["reference"], square(SquareParameters()).position(infos["time"]), atol=1e-14)
+    np.testing.assert_allclose(infos["rigid_tip"][0], (-6.3, -6.3), atol=1e-14)
+    assert not infos["state"][0, 2:].any()  # at rest, straight
+    assert infos["state"][0, 1] > 0.0
     assert paper(elbow_branch="negative").reset()[1]["state"][1] < 0.0

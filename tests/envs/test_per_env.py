@@ -1,6 +1,5 @@
 """Environments of a batch with options of their own; and elbow branch and direction drawn or requested."""
 
-import pickle
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.per_env import OPTIONS, settings_of_each
-from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
 from tests.support.envs import GAIN, IDS, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
 from tests.support.plain import KERNELS
@@ -141,14 +139,6 @@ def test_a_batch_bounds_what_its_widest_environment_observes() -> None:
     space = vector(SQUARE, 2, per_env={"noise": [0.0, 0.5]}).single_observation_space
     assert space == noisy
     assert (noisy.high >= bare().observation_space.high).all()  # type: ignore[attr-defined]
-
-
-def test_a_batch_of_different_environments_survives_pickling() -> None:
-    batch = vector(SQUARE, 8, seed=0, per_env={name: values[:8] for name, values in TORQUE_LANES.items()})
-    copy: FlexArmVectorEnv = pickle.loads(pickle.dumps(batch))
-    actions = np.zeros((8, 2), np.float32)
-    assert_same(copy.step(actions), batch.step(actions))
-    assert_same(copy.reset()[0], batch.reset()[0])
 
 
 test_a_bad_option_of_one_environment_is_refused = refused(

@@ -10,13 +10,13 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.envs.test_draws import ALL, EITHER
 from tests.envs.test_seeds import NOISY, digest, noisy
-from tests.support.envs import PAPER, REACH, RESIDUAL, SQUARE, bare, vector
+from tests.support.envs import PAPER, RACE, REACH, RESIDUAL, SQUARE, bare, vector
 from tests.support.refusals import label, refuses
 
 ONE_MODE = {"modes_per_link": 1}
 DRAWN = {"joint_friction": ((0.0, 5.0),) * 2, "payload_mass": (0.2, 1.5)}
 CHANGES = ((0.03 / 16, None), (0.14 / 16, 0.0))  # one before the state, one after it
-CASES: list[tuple[str, dict[str, Any]]] = [(name, noisy(name)) for name in (SQUARE, RESIDUAL, PAPER, REACH)]
+CASES: list[tuple[str, dict[str, Any]]] = [(name, noisy(name)) for name in (SQUARE, RESIDUAL, PAPER, REACH, RACE)]
 CASES.append((SQUARE, {"arm": ONE_MODE, "randomisation": ALL, **EITHER}))
 CASES.append((SQUARE, {"arm": ONE_MODE, "motor_time_constant": (0.013, 0.004)}))
 CASES.append((SQUARE, {"arm": ONE_MODE, "randomisation": DRAWN, "payload_changes": CHANGES, "start": "corner"}))

@@ -9,39 +9,19 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from flexarm_env.codegen.declarations import plain_python
-from flexarm_env.codegen.elementary import sincos
 from flexarm_env.envs.hosted import HostedSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.disturbances import push_tips
 from flexarm_env.kernels.variants import block_at
-from flexarm_env.physics import dynamics as dyn
-from flexarm_env.simulation.arm import FlexibleArm
 from tests.support.plain import PlainEnvironment
-from tests.support.refusals import refuses
+from tests.support.refusals import refused, refuses
 
 # Without damping, so that work and energy balance; the linear arm's kinematics have no foreshortening.
 FREE = {"modes_per_link": 1, "damping_ratio": 0.0}
 ARMS = [FREE, FREE | {"preset": "linear"}]
 CORNER: dict[str, Any] = {"start": "corner", "elbow_branch": "negative", "observation": ("state",), "scaled": False}
 STILL = (0.0, 0.0)
-
-
-@pytest.mark.parametrize("arm", ARMS)
-@given(st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8), st.floats(0.0, 2.0 * np.pi))
-@settings(max_examples=20)
-def test_the_generalised_force_does_the_work_of_the_force(
-    arm: dict[str, Any], state: list[float], angle: float
-) -> None:
-    """Its power under any rates is that of the force at the tip's velocity, by finite differences of the tip."""
-    made = FlexibleArm(Settings.of({"arm": arm}).flexible_arm.parameters)
-    q, rates, force = np.array(state[:4]), np.array(state[4:]), np.array([np.cos(angle), np.sin(angle)])
-    internal = made.internal_state(np.concatenate([q, rates]))
-    y, v = internal[:4], internal[4:]
-    axes = (*sincos(y[0]), *sincos(y[2]))
-    found = dyn.point_force(made.constants, made.place(2, made.parameters.link_lengths[1]), y, force, axes)
-    step = 1e-6
-    velocity = (made.tip(q + step * rates) - made.tip(q - step * rates)) / (2.0 * step)
-    assert np.dot(found, v) == pytest.approx(force @ velocity, abs=1e-7)
+PULSE = {"pulse_force": (1.0, 0.0)}
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -51,11 +31,7 @@ def test_a_pulse_gives_its_impulse_and_its_work(arm: dict[str, Any]) -> None:
     options = CORNER | {"pulse_force": force.tolist(), "pulse_time": 0.02, "pulse_duration": 0.04}
     env = PlainEnvironment(arm=arm, **options, control_period=1e-3, physics_step=2e-4)
     made = env.simulator.settings.flexible_arm
-    states = [env.result("STATE")]
-    for _ in range(80):
-        env.step(STILL)
-        states.append(env.result("STATE"))
-    state = np.array(states)
+    (state,) = env.follow([STILL] * 80, "STATE")
     tip = made.tip(state[:, :4])
     assert not state[:21, 4:].any()  # until it begins
     energy = [sum(made.energy(one)[:3]) for one in state]
@@ -99,11 +75,7 @@ def test_an_outage_freezes_the_reading(clock: dict[str, float]) -> None:
     """What was taken before it stays until what is taken after it arrives; the delay is 3 periods and a bit."""
     still: dict[str, Any] = {"arm": ARMS[0], "start": "corner", "delay": 0.0, "reference": "circle"} | clock
     env, other = PlainEnvironment(**still, outage_time=0.03, outage_duration=0.04), PlainEnvironment(**still)
-    read, whole = [], []
-    for one, into in ((env, read), (other, whole)):
-        for _ in range(12):
-            into.append(one.result("LINK_SENSOR"))
-            one.step((0.5, 0.3))
+    (read,), (whole,) = (one.follow([(0.5, 0.3)] * 11, "LINK_SENSOR") for one in (env, other))
     for n, reading in enumerate(read):
         taken = 2 if 3 <= n < 7 else n
         np.testing.assert_allclose(reading, whole[taken], atol=1e-12)
@@ -114,24 +86,23 @@ def test_gauges_drift_and_the_state_does_not() -> None:
     names = ("modal_coordinates", "modal_rates", "state")
     options: dict[str, Any] = {"arm": {"modes_per_link": 2}, "observation": names, "start": "corner"}
     env = PlainEnvironment(**options, scaled=False, gauge_drift=(0.5, -0.25))
-    assert not env.block("modal_coordinates").any()
-    for n in range(1, 4):
-        env.step((0.4, 0.2))
-        state, drift = env.block("state"), np.array([0.5, 0.0, -0.25, 0.0])
-        np.testing.assert_allclose(env.block("modal_coordinates"), state[2:6] + 0.01 * n * drift, atol=1e-6)
-        np.testing.assert_allclose(env.block("modal_rates"), state[8:12] + drift, atol=1e-5)
+    coordinates, rates, states = env.follow([(0.4, 0.2)] * 3, *names)
+    drift = np.array([0.5, 0.0, -0.25, 0.0])
+    np.testing.assert_allclose(coordinates, states[:, 2:6] + np.outer(0.01 * np.arange(4), drift), atol=1e-6)
+    np.testing.assert_allclose(rates, states[:, 8:12] + drift, atol=1e-5)
 
 
-def test_what_has_no_effect_or_does_not_fit_is_refused() -> None:
-    for options, words in (
-        ({"pulse_time": 1.0}, "with pulse_force other than 0"),
-        ({"outage_time": 1.0}, "with outage_duration other than 0"),
-        ({"gauge_drift": (0.1, 0.0), "observation": ("state",)}, "block of the strain gauges"),
-        ({"pulse_force": (1.0, 0.0), "pulse_duration": 0.5, "pulse_period": 0.2}, "at least pulse_duration"),
-        ({"pulse_force": (1.0, 0.0), "action_mode": "gain"}, "no effect with action_mode = 'gain'"),
-        ({"outage_duration": 0.5, "action_mode": "gain", "feedback_source": "sensor"}, "in continuous time"),
-    ):
-        with refuses(ValueError, next(iter(options)).partition("_")[0], words):
-            Settings.of(options)
+test_what_has_no_effect_or_does_not_fit_is_refused = refused(
+    ({"pulse_time": 1.0}, "pulse_time.*with pulse_force other than 0"),
+    ({"outage_time": 1.0}, "outage_time.*with outage_duration other than 0"),
+    ({"gauge_drift": (0.1, 0.0), "observation": ("state",)}, "gauge_drift.*block of the strain gauges"),
+    ({**PULSE, "pulse_duration": 0.5, "pulse_period": 0.2}, "pulse_.*at least pulse_duration"),
+    ({**PULSE, "action_mode": "gain"}, "pulse_force.*no effect with action_mode = 'gain'"),
+    ({"outage_duration": 0.5, "action_mode": "gain", "feedback_source": "sensor"}, "outage_.*in continuous time"),
+    by=Settings.of,
+)
+
+
+def test_a_hosted_arm_takes_no_pulse() -> None:
     with refuses(ValueError, "pulse_force", "compiled arm"):
-        HostedSimulator(Settings.of({"pulse_force": (1.0, 0.0)}), None)  # type: ignore[arg-type]
+        HostedSimulator(Settings.of(PULSE), None)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels.variants import Variant
 from tests.envs.test_observation import motion_of_the_point, recorded
-from tests.support.envs import FREE, Array, actions_for, bare, block
+from tests.support.envs import FREE, Array, actions_for, bare, block, played
 from tests.support.plain import KERNELS, PlainEnvironment
 
 
@@ -85,29 +85,26 @@ def test_the_delay_line_is_long_enough_for_either_sensor() -> None:
 @pytest.mark.parametrize("kernels", KERNELS)
 def test_readings_in_an_environment(kernels: str) -> None:
     """The point of link 1 as late as it is, in the link's frame, with noise of its own; nothing else changes."""
-    options: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1}}
+    options: dict[str, Any] = {"arm": {"preset": "linear", "modes_per_link": 1}, **FREE}
     options |= {"noise": 0.01, "encoder_noise": (1e-3, 1e-2), "frame": "world", "scaled": False, "start": "moving"}
     quiet = bare(**ON_LINK_1, **options, second_sensor_delay=0.02)
     noisy = bare(**ON_LINK_1, **options, second_sensor_delay=0.02, second_sensor_noise=0.05)
     without = bare(observation=BOTH[:-2], **options)
     actions = 0.2 * actions_for(quiet, 300)
-    observations, infos = [], []
-    for env, steps in ((quiet, 300), (noisy, 300), (without, 30)):
-        rows = [env.reset(seed=3), *(env.step(action)[::4] for action in actions[:steps])]
-        observations.append(np.array([row[0] for row in rows], dtype=float))
-        infos.append([row[1] for row in rows])
+    (rows, told), (noisy_rows, others), (own, fewer) = (
+        played(env, actions[:steps], 3) for env, steps in ((quiet, 300), (noisy, 300), (without, 30))
+    )
     # what does not concern the second sensor keeps its bits, its noise included
-    for found in observations[:2]:
-        np.testing.assert_array_equal(found[:31, : observations[2].shape[1]], observations[2])
-    assert "second_sensed" not in infos[2][0]
-    states = np.array([info["state"] for info in infos[0]])
-    seen, other = (np.array([info["second_sensed"] for info in each]) for each in infos[:2])
+    for found in (rows, noisy_rows):
+        np.testing.assert_array_equal(found[:31, : own.shape[1]], own)
+    assert "second_sensed" not in fewer
+    states, seen = told["state"], told["second_sensed"]
     points = quiet.arm.position(states[:, : quiet.arm.size], 1, 4.5)
     np.testing.assert_allclose(seen[2:], points[:-2], rtol=0.0, atol=1e-12)  # two periods: nothing is interpolated
-    np.testing.assert_allclose(block(quiet, observations[0], "second_sensed_position"), seen, rtol=1e-6, atol=1e-6)
-    difference = other - seen
+    np.testing.assert_allclose(block(quiet, rows, "second_sensed_position"), seen, rtol=1e-6, atol=1e-6)
+    difference = others["second_sensed"] - seen
     assert difference.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.1)
     assert np.abs(difference.mean(axis=0)).max() < 0.01
     assert abs(np.corrcoef(*difference.T)[0, 1]) < 0.15
-    of_first = np.array([info["sensed"] for info in infos[0]]) - quiet.arm.tip(states[:, : quiet.arm.size])
+    of_first = told["sensed"] - quiet.arm.tip(states[:, : quiet.arm.size])
     assert abs(np.corrcoef(difference[1:, 0], np.diff(of_first[:, 0]))[0, 1]) < 0.15

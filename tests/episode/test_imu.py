@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flexarm_env.envs.info import InfoMaker
-from tests.support.envs import Array
 from tests.support.plain import PlainEnvironment
 
 IMU: dict[str, Any] = {
@@ -25,22 +24,12 @@ def mounted(link: int = 2, **options: Any) -> PlainEnvironment:
     return PlainEnvironment(1, **IMU, imu_link=link, control_period=PERIOD, physics_step=PERIOD, **options)
 
 
-def readings(env: PlainEnvironment, action: list[float], steps: int) -> tuple[Array, Array]:
-    """Hold an action; return the states and what the IMU reads. Shape (steps + 1, k) each."""
-    states, read = [env.result("STATE")], [env.result("FURTHER_READING")]
-    for _ in range(steps):
-        env.step(action)
-        states.append(env.result("STATE"))
-        read.append(env.result("FURTHER_READING"))
-    return np.array(states), np.array(read)
-
-
 @pytest.mark.parametrize(("link", "place"), [(1, 3.0), (2, 2.0)])
 @pytest.mark.parametrize("mode", ["torque", "residual", "gain"])
 def test_it_measures_acceleration_and_rate(mode: str, link: int, place: float) -> None:
     """Difference quotients of the point's position, and of the angle of the link's tangent there, say the same."""
     env = mounted(link, imu_position=place, imu_range=(1e6, 1e6), action_mode=mode)
-    states, read = readings(env, [0.3, -0.4] if mode != "gain" else [0.3], 12)
+    states, read = env.follow([[0.3, -0.4] if mode != "gain" else [0.3]] * 12, "STATE", "FURTHER_READING")
     arm = env.simulator.settings.flexible_arm
     points = arm.position(states[:, :4], link, place)
     angles = states[:, 0] + states[:, 2] * arm.modes[0].slope(place if link == 1 else 4.5)
@@ -61,7 +50,7 @@ def test_noise_and_bias() -> None:
     """An arm at rest shows them alone: the bias is constant over an episode, the noise white."""
     spreads = np.array([2.0, 2.0, 0.2])
     env = mounted(imu_noise=(0.5, 0.05), imu_bias=(2.0, 0.2))
-    _, read = readings(env, [0.0, 0.0], 400)
+    (read,) = env.follow([[0.0, 0.0]] * 400, "FURTHER_READING")
     noise = read - env.row("FURTHER_BIAS")
     np.testing.assert_allclose(noise.std(axis=0), [0.5, 0.5, 0.05], rtol=0.15)
     assert (np.abs(noise.mean(axis=0)) < 0.05 * spreads).all()
@@ -76,18 +65,18 @@ def test_noise_and_bias() -> None:
 
 def test_it_saturates() -> None:
     env = mounted(imu_range=(1.5, 0.001))
-    _, read = readings(env, [1.0, -1.0], 5)
+    (read,) = env.follow([[1.0, -1.0]] * 5, "FURTHER_READING")
     np.testing.assert_array_equal(np.abs(read[-1]), [1.5, 1.5, 0.001])
     np.testing.assert_allclose(env.simulator.layout.bound, [1.5, 1.5, 0.001], rtol=1e-6)
 
 
 def test_a_late_reading() -> None:
     """Whole steps late it is the earlier reading; between two steps it is linear, and before the start the first."""
-    runs = [readings(mounted(imu_delay=late * PERIOD), [0.5, -0.5], 8)[1] for late in (0.0, 3.0, 2.25)]
-    np.testing.assert_allclose(runs[1][3:], runs[0][:-3], rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(runs[1][:3], 0.0)
-    between = 0.75 * runs[0][1:-2] + 0.25 * runs[0][:-3]
-    np.testing.assert_allclose(runs[2][3:], between, rtol=1e-9, atol=1e-9)
+    envs = (mounted(imu_delay=late * PERIOD) for late in (0.0, 3.0, 2.25))
+    (prompt,), (whole,), (between,) = (env.follow([[0.5, -0.5]] * 8, "FURTHER_READING") for env in envs)
+    np.testing.assert_allclose(whole[3:], prompt[:-3], rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(whole[:3], 0.0)
+    np.testing.assert_allclose(between[3:], 0.75 * prompt[1:-2] + 0.25 * prompt[:-3], rtol=1e-9, atol=1e-9)
 
 
 def test_its_info_is_its_reading_beside_a_second_sensor() -> None:
@@ -114,16 +103,13 @@ def test_encoders_count_angles_and_rates_follow_from_counts(noise: float) -> Non
         scaled=False,
         start="corner",
     )
-    rng, off = np.random.default_rng(0), []
-    np.testing.assert_array_equal(env.block("joint_rates"), 0.0)
-    for _ in range(60):
-        env.step(rng.uniform(-1.0, 1.0, 2))
-        angles, rates = env.block("joint_angles").astype(float), env.block("joint_rates").astype(float)
-        state = env.result("STATE")
-        steps = np.concatenate([angles / counts, rates * period / counts])
-        np.testing.assert_allclose(steps, np.round(steps), atol=1e-2)  # float32 of some thousand counts
-        assert np.all(np.abs(angles - state[:2]) <= 0.5 * counts + 6.0 * noise + 1e-6)
-        off.append((rates - state[4:6]) * period / counts)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 2))
+    angles, rates, states = (x.astype(float) for x in env.follow(actions, "joint_angles", "joint_rates", "STATE"))
+    np.testing.assert_array_equal(rates[0], 0.0)
+    steps = np.concatenate([angles / counts, rates * period / counts])
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-2)  # float32 of some thousand counts
+    assert np.all(np.abs(angles - states[:, :2]) <= 0.5 * counts + 6.0 * noise + 1e-6)
+    off = (rates - states[:, 4:6])[1:] * period / counts
     assert np.abs(off).max() <= 1.0 + 1e-3
     assert np.all(np.abs(np.mean(off, axis=0)) < 0.2)  # deviates of a spread of 0.41: 4 of their mean's
     assert np.all(np.std(off, axis=0) > 0.2)

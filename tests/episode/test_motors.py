@@ -29,11 +29,7 @@ ROUND: dict[str, Any] = {"arm": RIGID, "side": 1.0, "sensor_position": 1.0, "sta
 
 def torques(env: PlainEnvironment, actions: list[tuple[float, float]]) -> np.ndarray:
     """Return `info["torque"]` of each period. Shape (periods, 2)."""
-    found = []
-    for action in actions:
-        env.step(action)
-        found.append(env.result("TORQUE"))
-    return np.array(found)
+    return env.follow(actions, "TORQUE")[0][1:]
 
 
 @given(st.floats(1e-9, 1e9))
@@ -68,12 +64,9 @@ def test_a_joint_approaches_the_no_load_speed_and_is_braked_by_the_whole_torque(
     """J w' = tau (1 - w / w0): w = w0 (1 - exp(-tau t / (J w0))); against the motion the torque does not fall."""
     speed = 0.8
     env = PlainEnvironment(**ROUND, torque_speed_limit=(speed, 1e6), physics_step=1e-3)
-    rates, time = [], speed * HUB / LIMITS[0]
-    for _ in range(30):
-        env.step((1.0, 0.0))
-        rates.append(env.result("STATE")[4])
-    elapsed = PERIOD * np.arange(1, 31)
-    np.testing.assert_allclose(rates, speed * -np.expm1(-elapsed / time), rtol=1e-5)  # the links' inertia
+    (states,), time = env.follow([(1.0, 0.0)] * 30, "STATE"), speed * HUB / LIMITS[0]
+    elapsed = PERIOD * np.arange(31)
+    np.testing.assert_allclose(states[:, 4], speed * -np.expm1(-elapsed / time), rtol=1e-5)  # the links' inertia
     np.testing.assert_allclose(torques(env, [(-1.0, 0.0)] * 3)[:, 0], -LIMITS[0])
     env.step((0.0, 0.0))
     assert env.result("TORQUE")[0] == 0.0
@@ -92,11 +85,9 @@ def test_an_imu_feels_the_torque_that_acts() -> None:
     options = {"observation": ["accelerometer"], "imu_link": 2, "imu_range": (1e6, 1e6), "start": "corner"}
     times = {"control_period": 1e-5, "physics_step": 1e-5, "motor_time_constant": (10.0, 10.0), "delay": 0.0}
     env = PlainEnvironment(arm={"modes_per_link": 1}, **options, **times)
-    env.step((0.0, 1.0))
-    once = env.result("FURTHER_READING")
-    env.step((0.0, 1.0))
+    ((_, once, twice),) = env.follow([(0.0, 1.0)] * 2, "FURTHER_READING")
     assert np.abs(once).max() > 1e-4
-    np.testing.assert_allclose(env.result("FURTHER_READING")[:2], 2.0 * once[:2], rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(twice[:2], 2.0 * once[:2], rtol=1e-3, atol=1e-9)
 
 
 @pytest.mark.slow

@@ -15,9 +15,9 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.paths import PATHS
-from tests.support.envs import FREE, RACE, assert_same, bare, same_as_alone
+from tests.support.envs import FREE, RACE, bare, same_as_alone
 from tests.support.plain import PlainEnvironment
-from tests.support.refusals import refuses
+from tests.support.refusals import refused, refuses
 
 TINY: dict[str, Any] = {"arm": {"modes_per_link": 1}, "action_mode": "race", "start": "corner", "frame": "world"}
 TINY |= {"scaled": False, "observation": ("reference_position", "reference_velocity", "previews", "sensor_error")}
@@ -30,8 +30,7 @@ F32 = partial(np.array, dtype=np.float32)
 def driven(speeds: list[float], **options: Any) -> PlainEnvironment:
     """Return the race after periods with these commanded speeds [m/s] and no torque."""
     env = PlainEnvironment(**TINY | options)
-    for speed in speeds:
-        env.step((0.0, 0.0, speed / env.simulator.settings.reference_speed))
+    env.follow([(0.0, 0.0, speed / env.simulator.settings.reference_speed) for speed in speeds])
     return env
 
 
@@ -121,21 +120,8 @@ def test_who_leaves_the_reference_is_out_and_who_arrives_is_done() -> None:
     assert not result[4]["lap_times"].any()
 
 
-def test_a_state_goes_on_and_a_batch_is_as_each_alone() -> None:
-    env, other = bare(RACE), bare(RACE, seed=5)
-    for speed in (0.2, 0.4, 0.6):
-        env.step(F32([0.1, -0.2, speed]))
-    other.set_state(env.get_state())
-    for speed in (0.9, -0.2):
-        assert_same(other.step(F32([0.3, 0.1, speed])), env.step(F32([0.3, 0.1, speed])))
+def test_a_batch_is_as_each_alone() -> None:
     same_as_alone(RACE, 2, {"start": "corners", "race_laps": 1, "side": 0.6, "error_limit": None}, 30)
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_compiled_kernels_do_the_same() -> None:
-    drawn = {"payload_mass": (0.0, 0.5), "delay": (0.0, 0.06), "side": (6.0, 12.0)}
-    same_as_alone(RACE, 9, {"randomisation": drawn, "start": "corners", "noise": 0.01}, 60)
 
 
 def test_infos_of_other_modes_have_none_of_it() -> None:
@@ -144,20 +130,20 @@ def test_infos_of_other_modes_have_none_of_it() -> None:
     assert names.isdisjoint(info_keys(Settings.of({})))
 
 
-def test_what_cannot_be_a_race_is_refused() -> None:
-    for options, words in (
-        ({"start": "mix"}, ("start = 'mix'", "begins at rest")),
-        ({"reference": "moves"}, ("reference", "paths that are given")),
-        ({"reference": "drawn", "waypoints": lambda rng: [(1.0, 3.0), (2.0, 3.0)]}, ("paths that are given",)),
-        ({"reference": "waypoints", "waypoints": [(0.0, 3.0, 0.0), (1.0, 4.0, 0.0)]}, ("closed path",)),
-        ({"lap_time": 8.0}, ("lap_time = 8.0", "no clock")),
-        ({"randomisation": {"lap_time": (8.0, 9.0)}}, ("lap_time",)),
-        ({"side": 0.05}, ("reference_speed = 25.0", "longer than 0.25 m")),
-        ({"race_laps": 0}, ("race_laps = 0",)),
-    ):
-        with refuses(ValueError, *words):
-            Settings.of(TINY | options)
-    with refuses(ValueError, "reward_weights", "only with action_mode = 'race'"):
-        Settings.of({"reward_weights": {"progress": 1.0}})
+test_what_cannot_be_a_race_is_refused = refused(
+    ({"start": "mix"}, "start = 'mix'.*begins at rest"),
+    ({"reference": "moves"}, "reference.*paths that are given"),
+    ({"reference": "drawn", "waypoints": lambda rng: [(1.0, 3.0), (2.0, 3.0)]}, "paths that are given"),
+    ({"reference": "waypoints", "waypoints": [(0.0, 3.0, 0.0), (1.0, 4.0, 0.0)]}, "closed path"),
+    ({"lap_time": 8.0}, "lap_time = 8.0.*no clock"),
+    ({"randomisation": {"lap_time": (8.0, 9.0)}}, "lap_time"),
+    ({"side": 0.05}, "reference_speed = 25.0.*longer than 0.25 m"),
+    ({"race_laps": 0}, "race_laps = 0"),
+    ({"action_mode": "torque"}, "reward_weights.*only with action_mode = 'race'"),
+    by=lambda options: Settings.of(TINY | options),
+)
+
+
+def test_a_race_has_no_time_to_begin_at() -> None:
     with refuses(ValueError, "options['time']", "no clock"):
         bare(RACE).reset(options={"time": 1.0})

@@ -8,26 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import event, example, given
+from hypothesis import event, example, given, reject
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
+from tests.envs.test_contract import POLICIES, play
 from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, cases, check_refusal, declared_arms
-
-
-def made(options: dict[str, Any]) -> FlexArmEnv | None:
-    """Make an environment, for which nothing is compiled; None: the options are refused."""
-    try:
-        env = FlexArmEnv(**options)
-    except Exception as error:
-        check_refusal(error, options)
-        event("refused")
-        return None
-    event("made")
-    return env
-
+from tests.support.envs import make
+from tests.support.plain import run_plainly
 
 # A modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where the kernels' sine is beyond all bounds.
 STEEP = {"kinematics": "foreshortened", "mode_shapes": "polynomial", "modes_per_link": 3}
@@ -37,26 +27,27 @@ STEEP |= {"mode_scale": 100.0, "link_lengths": (0.001, 4.5)}
 @cases(60, 100_000)
 @given(any_options())
 def test_options_are_taken_or_refused_by_name(options: dict[str, Any]) -> None:
-    made(options)
+    """For the environments that are made nothing is compiled."""
+    try:
+        FlexArmEnv(**options)
+        event("made")
+    except Exception as error:
+        check_refusal(error, options)
+        event("refused")
 
 
-@pytest.mark.slow
-@cases(100, 1_000)
-@given(any_options(garbage=False), st.integers(0, 2**32 - 1))
-def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
-    """Finite numbers within the bounds, no warning."""
-    env = made(options)
-    if env is None:
-        return
-    env.reset(seed=seed)  # compiles
-    rng = np.random.default_rng(seed)
-    for _ in range(4):
-        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
-        observation, reward, terminated, _, _ = env.step(action)
-        assert env.observation_space.contains(observation), options
-        assert math.isfinite(reward)
-        if terminated:
-            env.reset()
+@cases(15, 1_000)
+@given(any_options(garbage=False), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
+def test_what_is_taken_runs(options: dict[str, Any], policy: str, seed: int) -> None:
+    """Within the bounds, in plain Python; `tests/envs/test_contract.py` has a case for each option."""
+    with pytest.MonkeyPatch.context() as patch:
+        run_plainly(patch)
+        try:
+            env: Any = make(max_episode_steps=8, **options)
+        except (ValueError, UserWarning):  # options that do not go together, or a coarse step
+            reject()
+        affordable = 200 // env.unwrapped.settings.substeps  # periods; an integration step takes milliseconds
+        play(env, policy, min(max(affordable, 2), 10), seed)
 
 
 @cases(60, 20_000)

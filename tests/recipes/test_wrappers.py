@@ -88,12 +88,6 @@ BATCH = (
     row("VectorizeTransformReward", TransformReward, func=half),
     row("DictInfoToList"),
 )
-VECTORS: dict[str, dict[str, Any]] = {
-    "batch": {},
-    "sync": {"vectorization_mode": "sync"},
-    "async, fork": {"vectorization_mode": "async", "vector_kwargs": {"context": "fork"}},
-    "async, spawn": {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}},
-}
 
 
 def cases(rows: tuple[Row, ...]) -> list[Any]:
@@ -134,23 +128,9 @@ def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.Monke
     check(row.wrap(vector, make_batch(**row.options)))
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
-def test_running_means_of_observations_need_next_step(mode: str) -> None:
-    with pytest.raises((ValueError, AssertionError)):  # Gymnasium 1.2 asserts, without a message
-        vector.NormalizeObservation(make_batch(autoreset_mode=mode))
-
-
-def test_tensors_have_no_last_observations() -> None:
-    with pytest.raises(BufferError, match="DLPack"):
-        stepped(vector.NumpyToTorch(make_batch(autoreset_mode="SameStep", **SHORT)))
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * ("async" in n)) for n in VECTORS])
-def test_kinds_of_vectors(name: str) -> None:
-    expected = stepped(make_batch(**SHORT))
-    envs = gym.make_vec(f"flexarm_env:{SQUARE}", num_envs=3, **shared_arm(SQUARE, {}), **SHORT, **VECTORS[name])
-    found = stepped(envs)
-    envs.close()
-    for one, other in zip(found, expected, strict=True):
+def test_a_vector_of_single_environments_is_the_batch() -> None:
+    """By name, in this process; `tests/envs/test_contract.py` has those in processes."""
+    envs = gym.make_vec(SQUARE, num_envs=3, vectorization_mode="sync", **shared_arm(SQUARE, SHORT))
+    for one, other in zip(stepped(envs), stepped(make_batch(**SHORT)), strict=True):
         assert_same(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])

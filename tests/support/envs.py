@@ -247,6 +247,21 @@ def exact_actions(steps: int, seed: int = 0, size: float = 1.0) -> Array:
     return np.random.default_rng(seed).integers(-64, 65, (steps, 2)) / 64.0 * size
 
 
+def played(env: Any, actions: Any, seed: int = 0, **options: Any) -> tuple[Array, dict[str, Array]]:
+    """Reset with options, and step while nothing ends.
+
+    Returns:
+        Observations and each value of the infos at all instants. Shape (steps + 1, k) each.
+    """
+    rows = [env.reset(seed=seed, options=options)]
+    for action in actions:
+        observation, _, terminated, _, info = env.step(action)
+        assert not terminated
+        rows.append((observation, info))
+    infos = {name: np.array([info[name] for _, info in rows]) for name in rows[0][1]}
+    return np.array([row for row, _ in rows], dtype=float), infos
+
+
 def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
     """Return the numbers of a block in observations, in its units. Shape (..., n)."""
     part = env.observation_blocks[name]

@@ -5,7 +5,7 @@ compiled (`is_shared`). All others of environments run in plain Python, unless a
 `run_plainly` exchanges kernels below whatever uses them; `PlainEnvironment` is a batch of one without Gymnasium.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -100,6 +100,23 @@ class PlainEnvironment:
         """Hold an action for a control period. Shape (channels,)."""
         self.simulator.actions[0] = action
         self._run()
+
+    def follow(self, actions: Iterable[ArrayLike], *names: str) -> list[NDArray[Any]]:
+        """Hold each action for a period; return what is known at each instant, the present one first.
+
+        Args:
+            actions: shape (periods, channels).
+            names: of results, in capitals, and of blocks.
+
+        Returns:
+            For each name an array of shape (periods + 1, k).
+        """
+        of = [self.result if name.isupper() else self.block for name in names]
+        rows = [[each(name) for each, name in zip(of, names, strict=True)]]
+        for action in actions:
+            self.step(action)
+            rows.append([each(name) for each, name in zip(of, names, strict=True)])
+        return [np.array(column) for column in zip(*rows, strict=True)]
 
     def block(self, name: str) -> NDArray[np.float32]:
         """Return a block of the present observation, in a new array."""
