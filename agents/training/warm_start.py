@@ -46,15 +46,17 @@ def initial_policy(config: PPOConfig, run: RunFolder) -> NetworkPolicy | None:
     if not _alike(config.environment, config.options, trained.options, trained.environment):
         raise ValueError(f"{name}: was trained on {trained.environment} with another observation or action")
     settings = settings_of(config.environment, config.options)
-    blocks = observation_layout(settings, settings.program).blocks
+    encoders = policy.encoder, past_readings(config.lags, observation_layout(settings, settings.program).blocks)
+    theirs, own = (((), ()) if one is None else (one.lags, one.remembered) for one in encoders)
     wanted = {
         "hidden": (tuple(len(bias) for bias in policy.biases[:-1]), config.hidden),
         "activation": (policy.activation, config.activation),
-        "lags": (policy.encoder, past_readings(config.lags, blocks)),
+        "lags": (theirs[0], own[0]),
+        "remembered": (theirs[1], own[1]),
     }
-    for field, (theirs, own) in wanted.items():
-        if theirs != own:
-            raise ValueError(f"{name}: its {field} must be {getattr(config, field)!r}, got {theirs!r}")
+    for field, (has, must) in wanted.items():
+        if has != must:
+            raise ValueError(f"{name}: its {field} must be {must!r}, got {has!r}")
     return policy
 
 

@@ -77,8 +77,9 @@ def check(given: argparse.Namespace) -> None:
     """Refuse to show less than the whole board on the page."""
     if not given.docs:
         return
-    if given.entries or given.add or tuple(given.columns) != tuple(COLUMNS):
-        raise ValueError("docs = True: the page shows the whole board; must go without entries, add and columns")
+    if given.entries or given.without or given.add or tuple(given.columns) != tuple(COLUMNS):
+        wrong = "docs = True: the page shows the whole board"
+        raise ValueError(f"{wrong}; must go without entries, without, add and columns")
     if left_out := measurable(COLUMNS)[1]:
         raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
     if not (given.times or (given.output / TIMES).is_file()):

@@ -86,7 +86,7 @@ REFUSED: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
         ({**OBSERVED, "initial_policy": "square"}, r"'square', observer = 'nominal': the network behind an"),
         ({**INITIAL, "hidden": [64, 64]}, r"'student_gauges': its hidden must be \(64, 64\), got \(128"),
         ({**INITIAL, "activation": "tanh"}, r"'student_gauges': its activation must be 'tanh', got 'elu'"),
-        ({**INITIAL, "lags": [1]}, r"'student_gauges': its lags must be \(1,\), got None"),
+        ({**INITIAL, "lags": [1]}, r"'student_gauges': its lags must be \(1,\), got \(\)"),
         ({**INITIAL, "initial_policy": "student"}, r"'student': was trained on .* another observation or"),
         ({**INITIAL, "options": {"frame": "world"}}, r"'student_gauges': was trained on .* another observ"),
         ({"activation": "selu"}, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),

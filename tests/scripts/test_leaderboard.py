@@ -97,8 +97,9 @@ def test_the_page_shows_the_whole_board(tmp_path: Path) -> None:
     read = study.parser().parse_args
     study.check(read(["--entries", "lqg"]))
     study.check(read(["--docs", "--times"]))
-    with refuses(ValueError, "docs = True", "must go without entries, add and columns"):
-        study.check(read(["--docs", "--times", "--columns", "nominal"]))
+    for less in (["--columns", "nominal"], ["--without", "lqg"]):
+        with refuses(ValueError, "docs = True", "must go without entries, without, add and columns"):
+            study.check(read(["--docs", "--times", *less]))
     with refuses(ValueError, "docs = True", "must go with times"):
         study.check(read(["--docs", "--output", str(tmp_path)]))
 
