@@ -40,7 +40,7 @@ class RaceMPCC(Paced, NMPC):
             plans: the plan of the race.
             price: worth of a period of progress, as the tip's squared distance that costs as much in a period [m^2].
             **design: see `NMPC`; by default the filter estimates `UNKNOWN`, assumes the noise `DOUBTFUL`, and
-                predictions last `HORIZON`. `iterations` and `damping` are as they are there by default.
+                predictions last `HORIZON`. `iterations` and `damping` must be those defaults.
 
         Raises:
             ValueError: for other `iterations` or `damping`, or as in `NMPC`.

@@ -30,8 +30,8 @@ PAPER = ("ifdc", "flsac")  # controllers that are scored by default
 DESCRIPTION = """\
 Score controllers and trained policies on the swing and the plain lap, from rest on the first corner, by the distance of
 the true tip from the target. All run on the default arm, that of FlexArm/Square-v0, unless asked for another; a policy
-with an arm of its own has a table of its own. A table is in the order of the mean r.m.s. of both laps, with lost laps
-last (the leaderboard ranks by the error on unknown arms)."""
+with an arm or a task of its own has a table of its own. A table is in the order of the mean r.m.s. of both laps, with
+lost laps last (the leaderboard ranks by the error on unknown arms)."""
 
 
 class Result(NamedTuple):

@@ -36,7 +36,7 @@ DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's columns, and print their places among all entries, whose figures
 come along. Columns: {", ".join(COLUMNS)}; {" and ".join(HEADLINE)} decide the rank and are computed first, with a first
 page after {PART} of {DRAWN} unknown arms. On one core these two take half a minute for an agent or a fixed linear
-controller, two minutes for an adaptive one, and nine minutes for a predictive controller; all columns take two to four
+controller, two minutes for an adaptive one, and nine minutes for a predictive controller; all columns take up to four
 times as long. Cells are kept in the output folder under a hash of all that they depend on: an interrupted run goes on
 where it was, and a changed policy computes its own entry only. Without the extra `chain` the chain's cells are left
 out."""

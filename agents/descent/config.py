@@ -42,7 +42,7 @@ class FOPGConfig(RunConfig):
     episode_steps: int = setting(450, integer, least=1)
     """Control periods after which a training episode is cut off."""
     torque_noise: float = setting(0.04, number, least=0.0, most=1.0)
-    """Largest standard deviation of the torques' disturbance in training, as a share of their limits; mean half."""
+    """Largest standard deviation of the disturbance of the torques, as a share of their limits; arms have 0 to this."""
     gamma: float = setting(0.99, number, least=0.0, most=1.0)
     """Discount of a control period."""
     critic_epochs: int = setting(2, integer, least=0)

@@ -65,7 +65,7 @@ def read_score(values: Mapping[str, Any], races: bool = False) -> StandardScore:
 
     Args:
         values: what it gave.
-        races: it is of a race, which a file tells of a finished one alone.
+        races: whether it is of a race; without it only finished races are known to be some.
     """
     if not races and values["plain"]["ended"] != FINISHED:
         return StandardScore.of(values)

@@ -34,11 +34,11 @@ class Encoder(ABC):
 
     @abstractmethod
     def reset(self, observations: Array) -> tuple[Array, Memory]:
-        """Return inputs and memory of arms whose episode begins. Shape (n, size)."""
+        """Return inputs (n, inputs), and memory, of arms whose episode begins with these observations (n, size)."""
 
     @abstractmethod
     def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """Return inputs and memory after the next observations, in new arrays. Shape (n, size)."""
+        """Return inputs (n, inputs), and memory, after the next observations (n, size), in new arrays."""
 
     def header(self) -> dict[str, Any]:
         """Return the plain values that a policy's file keeps."""
@@ -95,7 +95,7 @@ class PastReadings(Encoder):
         return self.advance(observations, (np.repeat(now[:, None], self.lags[-1], axis=1),))
 
     def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Encoder`; the memory holds the last readings, the newest first. Shape (n, longest lag, numbers)."""
+        """See `Encoder`; the memory is the last readings, the newest first. Shape (n, longest lag, numbers)."""
         readings = memory[0].astype(np.float32, copy=False)
         past = readings[:, np.array(self.lags) - 1].reshape(len(observations), -1)
         now = observations[:, None, list(self.remembered)]

@@ -72,7 +72,11 @@ class Trained:
 def check_fits(
     name: str, observation: tuple[int, ...] | None, action: tuple[int, ...] | None, env: gymnasium.Env[Any, Any]
 ) -> None:
-    """Check that a policy was trained with observations and actions of an environment's shapes; close it if not."""
+    """Check that a policy was trained with observations and actions of an environment's shapes.
+
+    Raises:
+        ValueError: if not; the environment is closed then.
+    """
     spaces = {"observation": (observation, env.observation_space), "action": (action, env.action_space)}
     for what, (shape, space) in spaces.items():
         if shape != space.shape:

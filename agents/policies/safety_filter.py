@@ -32,7 +32,7 @@ HORIZON = 20
 OWN = 9  # parts of the backup's memory
 
 
-# Share of the limits of the tip's error and the links' bending in which predictions must stay: a tenth less than the
+# Share of the limits of the tip's error and the links' bending in which predictions must stay: 0.1 less than the
 # largest at which hardly an arm of a sample is lost (`python -m scripts.control --only safety_filter`)
 TUBE = 0.4
 

@@ -43,8 +43,8 @@ class FlexArmVecEnv(VecEnv):
     step's own info; `reset_infos` holds the info of each environment's last reset.
 
     `set_options({"parameters": {"delay": 0.02}})` is for the episodes that the next `reset()` begins. For later ones
-    `set_attr("randomisation", ranges)` narrows ranges, and `env.set_options` takes what a reset does. For other options
-    make another batch and give it to the model by `set_env`.
+    `set_attr("randomisation", ranges)` narrows ranges, and `env.set_options` takes the options of a reset. For
+    other options make another batch and give it to the model by `set_env`.
 
     Attributes:
         env: the vector environment.

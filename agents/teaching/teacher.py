@@ -113,7 +113,13 @@ class Teacher:
         return env.reset(seed=seeds, options={"elbow_branch": [BRANCHES[i % 2] for i in range(env.num_envs)]})
 
     def pupils(self, env: FlexArmVectorEnv, begun: Flags, before: Pupils | None = None) -> Pupils:
-        """Return the arms of a batch, some of which have just begun an episode (not the first one: `before`)."""
+        """Return the arms of a batch.
+
+        Args:
+            env: the batch.
+            begun: which arms have just begun an episode. Shape (n,).
+            before: what was returned for the period before; None: in the first one.
+        """
         lap = np.array([BRANCHES.index(branch) for branch in env.episode.elbow_branch.tolist()])
         return Pupils(lap, env.episode.parameters)
 

@@ -77,7 +77,7 @@ class DAggerTraining(Rounds):
         turn = number % len(self.envs)
         found = run_rollout(self.envs[turn], self.teachers[turn], student, self.config, number)
         if student is not None:
-            # numpy 2.5 forgets the precision of a mean
+            # the stubs of numpy 2.5 do not say which precision a mean has
             self.teachers[turn].graded(1.0 - found.weights.reshape(-1, self.config.arms).mean(axis=0))  # type: ignore[arg-type, unused-ignore]
         return found
 

@@ -89,7 +89,7 @@ class ShapedReference:
         window: width of the rectangular window [s]; 0: none.
         lead: by how much the shaped reference is ahead of the causal one [s]; with `centre` the shape is centred on the
             reference, with 0 it leaves its rest when the reference does.
-        times: how often the window is applied: twice bounds the acceleration, three times makes it continuous.
+        times: how often the window is applied, 2 to 6: twice makes the acceleration continuous, three times its rate.
     """
 
     path: ReferencePath

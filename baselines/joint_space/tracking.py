@@ -74,7 +74,7 @@ class Shape:
     Attributes:
         shaper: impulses against the arm's first free vibration: "none", "ZV", "ZVD" or "EI".
         window: width of the window that rounds corners [s]; 0: none.
-        times: how often it is applied.
+        times: how often it is applied, 2 to 6.
         ramp: time in which an arm at rest joins the motion, by a polynomial of its joint angles [s].
     """
 

@@ -160,7 +160,8 @@ class HInfinityLQG(LQG):
             noise: see `LQG`.
 
         Raises:
-            ValueError: if no controller guarantees gamma.
+            ValueError: if no controller guarantees gamma, the payload changes on the way, torques act late, or as in
+                `LQG`.
         """
         if task.payloads is not None:
             raise ValueError("env: payload_changes: the game has one payload throughout")

@@ -88,8 +88,10 @@ class KalmanFilter:
         arm: the filter's own model, which may be another than the plant's.
         period: control period [s].
         delay: delay of the late sensor, any fraction of periods [s].
+        sensor_position: distance of the late sensor from the elbow along link 2 [m]; None: at the tip.
         noise: standard deviations that the filter assumes.
         quantities: names of the quantities that are estimated with the state.
+        size: length of an estimate's mean, d.
     """
 
     def __init__(

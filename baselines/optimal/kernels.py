@@ -1,8 +1,8 @@
-"""Compiled sweeps of differential dynamic programming: backward through runs, box-constrained, nothing allocated.
+"""Compiled sweeps of differential dynamic programming: backward through runs, box-constrained.
 
-The state of the recursion is z = (x, p), the arm's state and the torque of the period before, so that a weight on the
-change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The
-functions call nothing outside this file (`kept_on_disk`).
+A sweep allocates a few small arrays once, none for each period. The state of the recursion is z = (x, p), the arm's
+state and the torque of the period before, so that a weight on the change of the torque is a cost like the others.
+Shapes: n entries of x, N periods; z has n + 2 entries. The functions call nothing outside this file (`kept_on_disk`).
 """
 
 from __future__ import annotations

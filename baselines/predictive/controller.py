@@ -79,6 +79,10 @@ class PredictiveController(PlanController):
             damping: see `RealTimeIteration`.
             step: step of the model's integration [s].
             deflection_limit: of the links' tips off their root tangents, a soft constraint [m].
+
+        Raises:
+            ValueError: if the payload changes on the way, the horizon is no whole number of control periods, a number
+                is out of range, or as in `PlanController`.
         """
         if task.payloads is not None:
             raise ValueError("env: payload_changes: the model that predicts has one payload throughout")
@@ -184,7 +188,7 @@ class NMPC(PredictiveController):
             **design: see `PredictiveController`.
 
         Raises:
-            ValueError: if the late sensor does not read where its point is, or as in `PlanController`.
+            ValueError: if the late sensor does not read where its point is, or as in `PredictiveController`.
         """
         task.check_true_point()
         super().__init__(task, **design)

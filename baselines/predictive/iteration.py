@@ -98,6 +98,7 @@ class RealTimeIteration:
         runs: reference runs, about which the predictions begin.
         horizon: control periods, N.
         limits: largest torques [N m]. Shape (2,).
+        period: control period [s].
         damping: regularisation of the sweep, in units of a weight on changes of the torques [m^2].
         step: integration step [s].
     """

@@ -35,7 +35,7 @@ class Options:
     output: Path = Path("results/bench.json")
     """JSON file for the results; an existing one is replaced."""
     repeats: int = 10
-    """How often the short measurements are repeated; the long ones half as often."""
+    """How often the short measurements are repeated; some long ones half as often or less."""
     only: tuple[str, ...] = ()
     """Groups to measure, by the names that the progress bar shows; without, all."""
     cold: int = 2

@@ -1,4 +1,4 @@
-"""How long each row takes to choose an action: measured apart from the cells, which are the same on every machine."""
+"""How long each entry takes to choose an action: measured apart from the cells, which are the same on every machine."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The shipped agent: trained with several seeds, chosen, exported, and shown in docs."""
+"""The shipped agents: trained with several seeds, chosen, exported, and shown in docs."""
