@@ -33,8 +33,11 @@ def state(arm: FlexibleArm) -> np.ndarray:
 
 
 def check(arm: FlexibleArm, state: np.ndarray, rate: Any, stepped: Any, tip: Any, by_state: Any) -> None:
-    """Against the arm's own; its Jacobian is that of the rate."""
+    """Against the arm's own; its Jacobian is that of the rate, and a torque acts through the mass matrix alone."""
     linear = arm.linearise(state, TORQUE)
+    unmoved, by_torque = np.split(linear.B, 2)
+    assert not unmoved.any()
+    np.testing.assert_allclose(arm.mass_matrix(state[: arm.size]) @ by_torque, np.eye(arm.size, 2), atol=1e-9)
     scale = np.abs(linear.rate).max()
     np.testing.assert_allclose(rate, linear.rate, rtol=1e-12, atol=1e-12 * scale)
     np.testing.assert_allclose(tip, arm.tip(state[: arm.size]), rtol=1e-12)

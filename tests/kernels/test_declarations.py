@@ -10,7 +10,7 @@ from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Names, Program, plain_python
 from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.kernels.entries import Constant
-from flexarm_env.kernels.layout import Law, Row, row
+from flexarm_env.kernels.layout import Row, row
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
@@ -29,10 +29,6 @@ def test_mode_shapes_are_in_metres() -> None:
     units |= {part.name: {part.unit} for part in Constant.entries if part.name in shapes}
     units["SLOPES"].discard(Row.OUTPUT_SLOPES.unit)  # derivatives of what sensors read
     assert units == {ending: {unit} for ending, unit in shapes.items()}
-
-
-def test_what_the_law_needs_has_rows() -> None:
-    assert {field.upper() for field in Law._fields} <= {part.name for part in Row.entries}
 
 
 def driver_of_the_aim(memory: LaneRows) -> None:

@@ -5,15 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
-from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
-from flexarm_env.codegen.elementary import sincos
-from flexarm_env.parameters import SensorModel
-from flexarm_env.physics import sensing
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.physics.bent_link import bent
 from tests.support.lagrange import loaded_arm, random_state
-from tests.support.loops import LawLoop
 from tests.support.refusals import refused
 
 Array = NDArray[np.float64]
@@ -45,19 +40,6 @@ def test_a_bent_link_keeps_its_length(link: int) -> None:
         assert large > 0.0
         assert np.log2(large / small) == pytest.approx(order, abs=0.15)  # the next order is 10 to 20 % of it
     assert centre_line_excess(foreshortened, q, link) < 0.1 * centre_line_excess(linear, q, link)
-
-
-@pytest.mark.parametrize("s", [0.5, 3.7])
-def test_sensors_see_the_point_where_it_is(s: float) -> None:
-    """The kernels' kinematics of a point of link 2 are those of `position`, `velocity` and `point_jacobian`."""
-    _, arm = both(3)
-    state = random_state(arm.parameters, 2)
-    y, v = (list(half) for half in np.split(arm.internal_state(state), 2))
-    one, two = sincos(y[0]), sincos(y[4])
-    given = arm.constants, arm.place(2, s), y, one, two
-    at, rows = sensing.true_point(*given), np.array(sensing.true_jacobian(*given))
-    np.testing.assert_allclose(at, arm.position(state[: arm.size], 2, s), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(rows @ np.array(v), arm.velocity(state, 2, s), rtol=1e-12, atol=1e-12)
 
 
 # Flapping frequencies of a uniform blade clamped to a turning root of radius zero, in units of sqrt(EI / rho L^4):
@@ -97,36 +79,3 @@ test_refusals = refused(
     (lambda: both()[1].place(3, 1.0), "link = 3"),
     (lambda: ArmParameters.paper(kinematics="foreshortened"), r"kinematics = 'foreshortened'.*must be 'complete'"),
 )
-
-
-@pytest.mark.parametrize("model", ["collocated", "true"])
-def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel) -> None:
-    """(10), (14) through `position` and `velocity` alone, with a stiff solver; the loop's kernel has its own ways."""
-    _, arm = both(1, joint_friction=(0.0, 0.0))
-    s, gain, kp, kd = 3.0, 0.3, 150.79, 17.364
-    path, delay = square(SquareParameters(side=2.52, lap_time=3.2)), None if model == "collocated" else 0.0
-    options: dict[str, Any] = {"sensor": model, "delay": delay, "sensor_position": s, "physics_step": 1e-4}
-    loop = LawLoop(arm=arm.parameters, side=2.52, lap_time=3.2, **options)
-    start = random_state(arm.parameters, 8, deflection=0.2, rate=0.5)
-    start[:2] = 0.7, 1.9
-
-    def rate(time: float, state: Array) -> Array:
-        theta1, both_angles = state[0], state[0] + state[1]
-        length = arm.parameters.link_lengths[0]
-        e1, e2 = (np.array([np.cos(a), np.sin(a)]) for a in (theta1, both_angles))
-        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-        jacobian = np.stack([turn @ (length * e1 + s * e2), turn @ (s * e2)], axis=1)
-        if model == "true":
-            at, moving = arm.position(state[: arm.size], 2, s), arm.velocity(state, 2, s)
-        else:
-            at, moving = length * e1 + s * e2, jacobian @ state[arm.size : arm.size + 2]
-        error, error_rate = path.position(time) - at, path.velocity(time) - moving
-        tau = gain * jacobian.T @ (kp * error + kd * error_rate)
-        return np.concatenate([state[arm.size :], arm.acceleration(state, tau)])
-
-    loop.begin(start)
-    for _ in range(40):
-        state = loop.advance(gain)
-    exact = solve_ivp(rate, (0.0, 0.04), start, "Radau", rtol=1e-8, atol=1e-10).y[:, -1]
-    # third order with 0.1 ms and a pole near 3000 /s; the linear arm's loop is as close to its oracle
-    np.testing.assert_allclose(state, exact, rtol=0.0, atol=1e-4 * np.abs(exact).max())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_env import ArmParameters, LawParameters, SensorParameters
+from tests.support.lagrange import loaded_arm, random_state
 from tests.support.loops import END_EFFECTOR, NEAR_ELBOW, PER_JOINT, SHARED, arm_of, assert_accurate, loop_of, simulated
 from tests.support.oracle import COLLOCATED, PAPER, Problem
 from tests.support.refusals import label
@@ -31,6 +32,8 @@ RESTLESS = Problem(sensor=END_EFFECTOR, periods=60, gain=RNG.uniform(0, 2, 60), 
 MIRRORED = Problem(sensor=END_EFFECTOR, law=LawParameters(80.0, 30.0), periods=ONE_CORNER, clockwise=False, elbow=-1.0)
 SMALL_LAP = Problem(sensor=NEAR_ELBOW, periods=1000, side_time=0.25)
 PLAIN_CORNERS = Problem(sensor=SensorParameters(rate_jacobian="current"), periods=100, side_time=0.05)
+FORESHORTENED = loaded_arm(1, kinematics="foreshortened", link_lengths=(5.0, 4.2))
+BENT = partial(Problem, FORESHORTENED, periods=40, gain=0.3, start=random_state(FORESHORTENED, 8, 0.2, 0.5))
 
 CASES: dict[str, tuple[Problem, float, float]] = {
     "paper, collocated, lap": (Problem(), 7e-5, 7e-5),
@@ -48,6 +51,8 @@ CASES: dict[str, tuple[Problem, float, float]] = {
     "2 modes, unequal links, 4.2 m": (TWO_MODES, 4e-4, 4e-4),
     "4 modes, end effector": (Problem(arm_of(4), END_EFFECTOR, periods=ONE_CORNER), 9e-4, 9e-4),
     "4 modes, gain 17": (Problem(arm_of(4), periods=ONE_CORNER, gain=17.0), 1.7e-3, 2e-3),
+    "foreshortened, collocated 3 m": (BENT(SensorParameters("collocated", 3.0)), 3e-7, 3e-7),
+    "foreshortened, true sensor, undelayed": (BENT(SensorParameters("true", 3.0, delay=0.0)), 3e-7, 3e-7),
 }
 
 
@@ -57,7 +62,10 @@ SLOW = (
     *("4 modes, end effector", "4 modes, gain 17", "true sensor, undelayed", "true sensor"),
 )
 # Kernels that no other test compiles, and few periods.
-PLAIN = ("paper, current Jacobian", "true sensor 2 m past the elbow, late rates, noise")
+PLAIN = (
+    *("paper, current Jacobian", "true sensor 2 m past the elbow, late rates, noise"),
+    *("foreshortened, collocated 3 m", "foreshortened, true sensor, undelayed"),
+)
 
 
 @pytest.fixture

@@ -1,9 +1,10 @@
 """The arm under its law, solved independently: material points, quadrature and a stiff scipy solver.
 
-The oracle knows nothing of `dynamics`, `jacobian_transpose` or `imex`. It sums inertia over material points in joint
-coordinates, takes the law from the paper (docs/reproduction.md) line by line, and integrates by scipy's LSODA with
-relative tolerance 1e-9 by the method of steps: never a step longer than the shortest delay, the past read from the
-solver's own dense output, a fresh start wherever the right-hand side jumps.
+The oracle knows nothing of `dynamics`, `jacobian_transpose` or `imex`; only the foreshortened arm's accelerations are
+the package's. It sums inertia over material points in joint coordinates, takes the law from the paper
+(docs/reproduction.md) line by line, and integrates by scipy's LSODA with relative tolerance 1e-9 by the method of
+steps: never a step longer than the shortest delay, the past read from the solver's own dense output, a fresh start
+wherever the right-hand side jumps.
 """
 
 from __future__ import annotations
@@ -91,31 +92,20 @@ def rigid_kinematics(theta1: float, theta2: float, length1: float, distance: flo
     return p, 1j * p, 1j * reach
 
 
-def deflected_point(x: Array, arm: Any, distance: float, phi: Array) -> tuple[complex, complex]:
-    """Position and velocity of the material point that the "true" sensor sees."""
-    length1, tip, slope = arm[0], arm[8], arm[9]
-    m, n = len(tip), len(x) // 2
-    one, two, one_rate, two_rate = x[2 : m + 2], x[m + 2 : n], x[n + 2 : n + m + 2], x[n + m + 2 :]
-    angle, rate = x[0] + x[1] + slope @ one, x[n] + x[n + 1] + slope @ one_rate
-    e1, e2 = np.exp(1j * x[0]), np.exp(1j * angle)
-    elbow, reach = (length1 + 1j * (tip @ one)) * e1, (distance + 1j * (phi @ two)) * e2
-    return elbow + reach, 1j * (x[n] * elbow + (tip @ one_rate) * e1 + rate * reach + (phi @ two_rate) * e2)
-
-
 def torque(x: Array, late: Array, command: Array, noise: complex, gain: float, arm: Any, law: Any) -> Array:
     """lambda J^T (Kp e + Kd e') (10), (14); `gain` is lambda, `arm` and `law`: see `oracle_arm` and `oracle_law`.
 
     `late`: states that the two joints' readings date from, Shape (2, 2 n); `command`: reference position and velocity
     in each joint's torque, Shape (2, 2), complex; `noise`: on the sensed position.
     """
-    Kp, Kd, limit, distance, phi, true, late_rates, current_jacobian = law
+    Kp, Kd, limit, distance, seen, late_rates, current_jacobian = law
     n = len(x) // 2
     p, J1, J2 = rigid_kinematics(x[0], x[1], arm[0], distance)
     columns = (J1, J2)
-    if true:
-        p, late_velocity = deflected_point(late[0], arm, distance, phi)
-        _, velocity = deflected_point(x, arm, distance, phi)
-        dp = late_velocity if late_rates else velocity
+    if seen:
+        p, dp = seen(late[0])
+        if not late_rates:
+            _, dp = seen(x)
     else:
         p, late_J1, late_J2 = rigid_kinematics(late[0, 0], late[1, 1], arm[0], distance)
         if current_jacobian:
@@ -130,16 +120,13 @@ def torque(x: Array, late: Array, command: Array, noise: complex, gain: float, a
     return tau
 
 
-def state_rate(x: Array, late: Array, command: Array, noise: complex, gain: float, arm: Any, law: Any) -> Array:
-    """d(state)/dt; arguments as of `torque`."""
+def acceleration(x: Array, tau: Array, arm: Any) -> Array:
+    """q'' under the motors' torques; `arm`: see `oracle_arm`."""
     n = len(x) // 2
     M, right = mass_and_forces(x[:n], x[n:], arm)
     right = -right
-    right[:2] += torque(x, late, command, noise, gain, arm, law)
-    rate = np.empty(2 * n)
-    rate[:n] = x[n:]
-    rate[n:] = np.linalg.solve(M, right)
-    return rate
+    right[:2] += tau
+    return np.linalg.solve(M, right)
 
 
 def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
@@ -157,11 +144,15 @@ def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
 
 
 def oracle_law(problem: Problem, arm: FlexibleArm) -> tuple[Any, ...]:
-    """Gains, torque limits, the sensor's place, and which of the law's variants holds."""
+    """Gains, torque limits, the sensor's place, what it sees unless joints are read, and which variants hold."""
     s, law = problem.sensor, problem.law
     limit = np.array(law.torque_limit or (np.inf, np.inf))
-    flags = (s.model == "true", s.delayed == "position+rate", s.rate_jacobian == "current")
-    return (law.proportional_gain, law.derivative_gain, limit, s.position, arm.modes[1].shape(s.position), *flags)
+
+    def seen(x: Array) -> tuple[complex, complex]:
+        return complex(*arm.position(x[: arm.size], 2, s.position)), complex(*arm.velocity(x, 2, s.position))
+
+    variants = (seen if s.model == "true" else None, s.delayed == "position+rate", s.rate_jacobian == "current")
+    return (law.proportional_gain, law.derivative_gain, limit, s.position, *variants)
 
 
 def square_at(time: float, segment_of: float, clockwise: bool, side_time: float) -> tuple[complex, complex]:
@@ -240,6 +231,7 @@ def oracle(problem: Problem) -> Array:
     """States at all control instants. Shape (periods + 1, 4 + 4 m)."""
     arm = FlexibleArm(problem.arm)
     data, law = oracle_arm(arm), oracle_law(problem, arm)
+    linear = problem.arm.kinematics == "linear"
     delays, command_delays = problem.delays(), problem.command_delays()
     longest_step = min([d for d in delays if d > 0.0], default=np.inf)
 
@@ -266,7 +258,8 @@ def oracle(problem: Problem) -> Array:
         def rate(t: float, x: Array, middle: float = middle, gain: float = gain, noise: complex = noise) -> Array:
             late = np.array([past(t - d) if d > 0.0 else x for d in delays])
             command = np.array([problem.reference(t - d, middle - d) for d in command_delays])
-            return np.asarray(state_rate(x, late, command, noise, gain, data, law))
+            tau = torque(x, late, command, noise, gain, data, law)
+            return np.append(x[arm.size :], acceleration(x, tau, data) if linear else arm.acceleration(x, tau))
 
         solver = LSODA(rate, begin, x, end, rtol=1e-9, atol=1e-10, max_step=longest_step)
         while solver.status == "running":
