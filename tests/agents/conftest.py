@@ -9,7 +9,7 @@ from flexarm_agents import config_of, train
 from tests.support.trainings import TAUGHT, short_rollouts, without_pictures
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", autouse=True)
 def no_pictures() -> Iterator[None]:
     """Let trainings draw nothing; see `without_pictures`."""
     with without_pictures():

@@ -123,7 +123,7 @@ def test_arms_of_ids_count_as_policies_own() -> None:
     assert not replace(load_policy("square"), options={"arm": "default"}).has_own_arm
 
 
-@pytest.mark.parametrize("name", ["lags", "observer", "privileged"])
+@pytest.mark.parametrize("name", ["observer", "privileged"])
 def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     """Also where episodes end: the batch shows the inputs that the exported policy makes of plain observations."""
     config = config_of(**{**TINIES[name], "episode_steps": 6})
@@ -209,8 +209,6 @@ def test_files_that_do_not_fit_are_refused(tmp_path: Path, name: str, changes: d
 def test_what_does_not_fit_a_policy_is_refused(tmp_path: Path) -> None:
     with refuses(FileNotFoundError, "the folder holds no best_policy.npz"):
         load_policy(tmp_path)
-    with refuses(FileNotFoundError, "source = 'nobody': neither a folder or file nor a shipped policy"):
-        load_policy("nobody")
     trained = load_policy("square")
     with refuses(ValueError, "policy 'square': was trained with observation of shape"):
         trained.make_env(last_actions=2)

@@ -27,19 +27,11 @@ from flexarm_agents.training.run_folder import RunFolder, read_checkpoint
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import (
-    DESCENDED,
-    TAUGHT,
-    TINIES,
-    TINY,
-    at_step,
-    broken_off,
-    same_policy,
-    short_rollouts,
-    without_pictures,
-)
+from tests.support.trainings import DESCENDED, TAUGHT, TINIES, TINY, at_step, broken_off, same_policy, short_rollouts
 
-CASES = {"ppo": TINY, **TINIES, "dagger": TAUGHT, "fopg": DESCENDED}
+CONTAINED = ("recurrent_ppo", "sac")  # others have each of these, and more
+TRIED = {name: values for name, values in TINIES.items() if name not in CONTAINED}
+CASES = {"ppo": TINY, **TRIED, "dagger": TAUGHT, "fopg": DESCENDED}
 # Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
 # also while its actions are still drawn at random.
 BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (500, 900), "fopg": (100, 160, 175)}
@@ -50,20 +42,14 @@ SIGNALS = [  # sent at a step of the batch, after which so many steps of the env
     ("dagger", signal.SIGTERM, 500, 3200),
     ("fopg", signal.SIGTERM, 50, 64),
 ]
-CONTAINED = ("recurrent_ppo", "sac", "lags")  # others of `CASES` have each of these, and more
 STEPS = {"dagger": [1600, 3200, 4800], "fopg": [64, 128, 192, 256]}
-ENCODERS = {"recurrent_ppo": Lstm, "recurrent curriculum": Lstm, "observer": Observer, "lags": PastReadings}
-ENCODERS |= {"dagger": PastReadings, "privileged": PastReadings}
+ENCODERS = {"recurrent curriculum": Lstm, "observer": Observer, "dagger": PastReadings, "privileged": PastReadings}
 LEFT = {
     "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "laps.png",
     "last_policy.npz", "learning_curve.png", "tensorboard", "versions.json",
 }  # fmt: skip
 PICTURES = ("laps.png", "learning_curve.png")
 MORE = {"dagger": {"plans"}, "fopg": set(), "initial": {"best_model.zip", "initial_policy.npz"}}
-
-
-def case(name: str, *rest: Any) -> Any:
-    return pytest.param(name, *rest, marks=[pytest.mark.slow] * (name in CONTAINED))
 
 
 class Runs:
@@ -85,8 +71,8 @@ class Runs:
 
 @pytest.fixture(scope="module", autouse=True)
 def tiny() -> Iterator[None]:
-    """Draw the pictures of one training only, and teach for the first seconds of a lap."""
-    with without_pictures(but="ppo"), short_rollouts():
+    """Teach for the first seconds of a lap."""
+    with short_rollouts():
         yield
 
 
@@ -105,7 +91,7 @@ def evaluations(folder: Path) -> Any:
     return rows
 
 
-@pytest.mark.parametrize("name", [case(name) for name in CASES])
+@pytest.mark.parametrize("name", CASES)
 def test_what_a_training_leaves(runs: Runs, name: str) -> None:
     run, rows = runs(name), evaluations(runs(name))
     assert {path.name for path in run.iterdir()} == LEFT | MORE.get(name, {"best_model.zip"})
@@ -123,7 +109,7 @@ def test_what_a_training_leaves(runs: Runs, name: str) -> None:
     best = load_policy(run)
     assert (best.environment, best.options, best.name) == ("FlexArm/Square-v0", CASES[name].get("options", {}), name)
     assert type(best.policy.encoder) is ENCODERS.get(name, type(None))
-    assert (best.policy.log_std_weights is not None) == (name in ("sac", "sac curriculum", "tqc"))
+    assert (best.policy.log_std_weights is not None) == (name in ("sac curriculum", "tqc"))
     again = evaluate(best.make_env(), best.policy, seed=1_000_003)
     assert again.as_mapping() == {lap: best.notes["evaluation"][lap] for lap in LAPS}
     ranks = [rank([StandardScore.of(row)]) for row in rows]
@@ -143,7 +129,7 @@ def test_the_best_model_is_the_best_policy_and_another_seed_gives_another(runs: 
     assert not same_policy(runs("ppo") / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
 
 
-@pytest.mark.parametrize(("name", "step"), [case(name, n) for name in CASES for n in BREAKS.get(name, (100,))])
+@pytest.mark.parametrize(("name", "step"), [(name, n) for name in CASES for n in BREAKS.get(name, (100,))])
 def test_an_interrupted_training_ends_in_the_same_bits(runs: Runs, tmp_path: Path, name: str, step: int) -> None:
     """Replay buffers, memories of encoders, candidates and plans go on as they were; what is complete is left alone."""
     whole, run, config = runs(name), tmp_path / "run", runs.config(name)
@@ -177,7 +163,7 @@ def test_a_signal_keeps_every_step(
     assert same_policy(whole / "last_policy.npz", run / "last_policy.npz")
 
 
-@pytest.mark.parametrize("name", [case(name) for name in CASES])
+@pytest.mark.parametrize("name", CASES)
 def test_another_training_and_a_spoilt_one_are_refused(runs: Runs, tmp_path: Path, name: str) -> None:
     """Neither is a folder overwritten, nor do weights end under another configuration's name."""
     run, config, other = runs(name), runs.config(name), runs.config(name, seed=4, learning_rate=0.02)

@@ -20,7 +20,7 @@ from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
-from tests.support.trainings import TAUGHT, short_rollouts, without_pictures
+from tests.support.trainings import TAUGHT, short_rollouts
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,7 @@ def test_seconds_of_teaching_follow_both_laps(taught: Path, tmp_path: Path) -> N
     config = config_of(
         **TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3, "plans": str(taught / "plans")}
     )
-    with without_pictures(), short_rollouts(500):
+    with short_rollouts(500):
         outcome = train(config, tmp_path / "run")
     first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
     assert all(first[lap]["duration"] < 4.0 for lap in LAPS)

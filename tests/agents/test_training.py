@@ -38,8 +38,6 @@ from flexarm_agents.training.reward import TrainingCallback, widen
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINIES, TINY, Interrupted, same_network
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 @pytest.mark.usefixtures("signals")
 def test_a_second_signal_ends_at_once() -> None:

@@ -5,6 +5,7 @@ import json
 import re
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,16 +75,27 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
             assert np.sqrt(np.mean(distance[settled] ** 2)) == pytest.approx(errors["rms_after_2s"], abs=5e-6)
 
 
-def test_a_lap_of_today_is_the_one_that_is_committed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first 6.6 s of it; the payload is taken up after 5 s, and moved from 6 s on."""
-    monkeypatch.setattr(replays, "run_policy", partial(replays.run_policy, max_steps=660))
-    for name, lap in (("student", "swing"), ("carry", "carry")):
+def of_today(name: str, lap: str, periods: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the first periods of an agent's lap, and the lap that is committed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replays, "run_policy", partial(replays.run_policy, max_steps=periods))
         _, record = replays.record(Entry(name, f"agent {name}"), replays.KINDS[lap])
-        committed = replays.read(replays.FOLDER / replays.file_name(f"agent {name}", lap))[2]
-        now, then = replays.channels(replays.replay(record)), replays.channels(committed)
-        for channel, step in replays.STEPS.items():
-            assert len(now[channel]) == 661
-            np.testing.assert_allclose(now[channel][:-1], then[channel][:660], rtol=0.0, atol=1.5 * step)
+    return replays.replay(record), replays.read(replays.FOLDER / replays.file_name(f"agent {name}", lap))[2]
+
+
+@pytest.mark.parametrize(("name", "lap", "periods"), [("student", "swing", 200), ("carry", "carry", 660)])
+def test_a_lap_of_today_is_the_one_that_is_committed(name: str, lap: str, periods: int) -> None:
+    """A payload is taken up after 5 s, and moved from 6 s on."""
+    now, then = map(replays.channels, of_today(name, lap, periods))
+    for channel, step in replays.STEPS.items():
+        assert len(now[channel]) == periods + 1
+        np.testing.assert_allclose(now[channel][:-1], then[channel][:periods], rtol=0.0, atol=1.5 * step)
+
+
+def test_a_race_of_today_begins_as_the_one_that_is_committed() -> None:
+    """It is driven at the limits of the torques, where rounding grows: here to 0.4 mm, in a second to some 10 mm."""
+    now, then = (replays.tips(ARM, one) for one in of_today("race", "race", 50))
+    np.testing.assert_allclose(now, then[:51], atol=2e-3)
 
 
 def test_a_record_without_a_reading_is_no_replay() -> None:

@@ -2,7 +2,6 @@
 
 import json
 import math
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,16 +9,15 @@ import numpy as np
 import pytest
 
 from scripts.benchmarks import peers
-from tests.support.programs import run_study
+from tests.support.programs import run_here, run_study
 
 GROUPS = {"jacobians", "environment", "first_step", "batch", "learning", "sensors", "threads"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
-run = partial(run_study, "benchmarks")
 
 
 @pytest.mark.slow
 def test_a_trial_measures_every_group(tmp_path: Path) -> None:
-    done = run("--quick", "--output", tmp_path / "new folder" / "bench.json")
+    done = run_study("benchmarks", "--quick", "--output", tmp_path / "new folder" / "bench.json")
     assert done.returncode == 0, done.stderr
     results = json.loads((tmp_path / "new folder" / "bench.json").read_text())
     assert set(results["groups"]) == GROUPS
@@ -34,8 +32,8 @@ def test_a_trial_measures_every_group(tmp_path: Path) -> None:
 
 
 def test_one_group_is_measured_alone(tmp_path: Path) -> None:
-    done = run("--quick", "--only", "Jacobians", "--output", tmp_path / "bench.json")
-    assert done.returncode == 0, done.stderr
+    status, printed = run_here("benchmarks", "--quick", "--only", "Jacobians", "--output", tmp_path / "bench.json")
+    assert not status, printed
     results = json.loads((tmp_path / "bench.json").read_text())
     assert set(results["groups"]) == {"jacobians"}
     assert results["not_installed"] == []

@@ -46,7 +46,6 @@ TINIES: dict[str, dict[str, Any]] = {
     "recurrent_ppo": _RECURRENT,
     "sac": _SAC,
     "tqc": {**_SAC, "algorithm": "tqc", "quantiles": 5, "learning_starts": 300},
-    "lags": {**TINY, "lags": [1, 3]},
     "privileged": {**TINY, "lags": [1, 3], "privileged_critic": True},
     "observer": {**TINY, "observer": "nominal", "options": _OBSERVED},
     "curriculum": {**TINY, "curriculum_options": {"lap_time": 32.0, "deflection_limit": None}, "curriculum_steps": 200},
@@ -111,20 +110,16 @@ def at_step(number: int, act: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def without_pictures(but: str = "") -> Iterator[None]:
-    """Let trainings write empty pictures: to draw them takes longer than a tiny training.
-
-    Args:
-        but: name of a training's folder that gets its pictures.
-    """
+def without_pictures() -> Iterator[None]:
+    """Let trainings write empty pictures, but in a folder `ppo`: to draw them takes longer than a tiny training."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("draw_curve", "draw_laps"):
-            patch.setattr(loop, name, _drawn_in(but, getattr(loop, name)))
+            patch.setattr(loop, name, _drawn_in_one_folder(getattr(loop, name)))
         yield
 
 
-def _drawn_in(folder: str, draw: Callable[..., None]) -> Callable[..., None]:
-    return lambda *given: draw(*given) if given[-1].parent.name == folder else put(given[-1], Path.touch)
+def _drawn_in_one_folder(draw: Callable[..., None]) -> Callable[..., None]:
+    return lambda *given: draw(*given) if given[-1].parent.name == "ppo" else put(given[-1], Path.touch)
 
 
 @contextmanager
