@@ -67,9 +67,6 @@ class Quits:
         return np.zeros((len(observation), 2), dtype=np.float32), state
 
 
-# --- what a key is made of -------------------------------------------------------------------------------------
-
-
 def test_a_first_page_needs_a_point_of_each_column_that_ranks() -> None:
     first, headline, whole = phases(COLUMNS)
     assert {name: len(column.points) for name, column in first.items()} == {"nominal": 1, "unknown": 1}
@@ -92,9 +89,7 @@ def test_what_has_no_part_is_there() -> None:
     assert sorted(PLANS.glob("*.npz")) == versions._data("flexarm_baselines.optimal.plan", DATA)
 
 
-def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_changed_line_is_another_version_but_no_comment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     module, beside = tmp_path / "a_policy_of_mine.py", tmp_path / "its_numbers.py"
     beside.write_text("GAIN = 1.0\n")
@@ -176,9 +171,6 @@ def test_a_version_of_code_is_that_of_every_python() -> None:
     assert versions._written(plain) != versions._written(versions.ast.parse("def f(x=0): return x"))
 
 
-# --- cells -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("uncompiled")
 def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     row = Entry(AGENT)
@@ -258,9 +250,6 @@ def test_where_a_row_cannot_be_run_it_says_why() -> None:
     assert "refused" in Cell.of(late, point).depends
     (result,) = run_points(late, [Point("chain", task="chain")])
     assert "on a chain the paper's law acts on the joints' own angles" in result["not_applicable"]
-
-
-# --- rows and columns ------------------------------------------------------------------------------------------
 
 
 def test_a_row_chooses_what_it_observes_and_no_more() -> None:

@@ -71,9 +71,6 @@ def test_the_interval_of_a_loss_rate_is_that_of_clopper_and_pearson(episodes: in
     assert high == 1.0 if lost == episodes else binom.cdf(lost, episodes, high) == pytest.approx(0.025, rel=1e-6)
 
 
-# --- flexarm evaluate --sweep ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("uncompiled")
 def test_evaluate_sweeps_an_axis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

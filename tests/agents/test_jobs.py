@@ -92,9 +92,7 @@ def test_two_workers_give_the_same_files(kind: str, tmp_path: Path, by_one_proce
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # Ray's own: sockets left open, deprecations
-def test_a_ray_cluster_of_which_a_node_is_killed_gives_the_same_files(
-    tmp_path: Path, by_one_process: dict[str, bytes]
-) -> None:
+def test_a_ray_cluster_that_loses_a_node_gives_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
     ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
     from ray.cluster_utils import Cluster
 

@@ -12,15 +12,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_agents import (
-    NetworkPolicy,
-    config_of,
-    export_onnx,
-    load_policy,
-    network_policy,
-    shipped_policies,
-    train,
-)
+from flexarm_agents import NetworkPolicy, config_of, export_onnx, load_policy, network_policy, shipped_policies, train
 from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv

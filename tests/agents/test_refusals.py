@@ -38,10 +38,7 @@ BAD = [  # status 1, and what the line says after "error: "
     ("leaderboard --columns colour", "columns = 'colour': must be one of 'nominal'"),
     ("leaderboard --jobs 0", "jobs = 0: must be an integer >= 1"),
     ("leaderboard --without nobody", "without = 'nobody'"),
-    (
-        "leaderboard --entries ifdc --output run.npz",
-        "output = run.npz/leaderboard.json: must be in a folder",
-    ),
+    ("leaderboard --entries ifdc --output run.npz", "output = run.npz/leaderboard.json: must be in a folder"),
     ("play --delay 999", "delay = 999.0: must be a finite number and >= 0.0 and <= 200.0 [ms]"),
     ("replay run.npz --output x.png --time 9", "time = 9.0: must be a finite number"),
     ("replay run.npz --time 1", "time = 1 s: is for a .png file, see --output"),

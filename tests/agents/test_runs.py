@@ -34,7 +34,7 @@ TRIED = {name: values for name, values in TINIES.items() if name not in CONTAINE
 CASES = {"ppo": TINY, **TRIED, "dagger": TAUGHT, "fopg": DESCENDED}
 # Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
 # also while its actions are still drawn at random.
-BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (500, 900), "fopg": (100, 160, 175)}
+BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (900,), "fopg": (100, 160, 175)}
 SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
     ("ppo", signal.SIGINT, 15, 128),
     ("ppo", signal.SIGTERM, 75, 384),
@@ -214,10 +214,8 @@ def test_a_checkpoint_is_whole(runs: Runs, tmp_path: Path, spoil: Any) -> None:
 
 
 @pytest.mark.parametrize("changed", ["layout", "name"])
-def test_a_checkpoint_of_another_version_is_refused(
-    runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
-) -> None:
-    """Its memory has another layout, or it needs a class that this version does not have."""
+def test_other_versions_are_refused(runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+    """A checkpoint's memory has another layout, or it needs a class that this version does not have."""
     run = shutil.copytree(runs("ppo"), tmp_path / "run")
     if changed == "layout":
         monkeypatch.setattr(Row, "entries", (*Row.entries[1:], Row.entries[0]))

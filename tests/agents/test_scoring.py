@@ -149,9 +149,6 @@ def test_the_interquartile_mean_leaves_out_a_quarter_on_either_side() -> None:
     assert not math.isinf(Spread.of([None, 1.0, 2.0]).median or 0.0)
 
 
-# --- the policies that are shipped -----------------------------------------------------------------------------------
-
-
 # What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].
 GOALS: dict[str, dict[str, tuple[float, float]]] = {
     "carry": {"swing": (0.004, 0.004), "plain": (0.004, 0.004)},  # the worst of several loads

@@ -239,9 +239,7 @@ def test_an_mp4_is_written(run: Trajectory, tmp_path: Path) -> None:
     assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-def test_what_writes_files_is_named_with_its_extra(
-    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_writes_files_is_named(run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "PIL", None)
     with refuses(ModuleNotFoundError, "gif: PIL is not installed", "[video]"):
         Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif")
@@ -274,9 +272,7 @@ def test_replay_opens_a_window(run: Trajectory, flexarm: Shell) -> None:
     assert not pygame.display.get_init()
 
 
-def test_render_runs_an_episode_that_replay_shows_again(
-    tmp_path: Path, flexarm: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_render_runs_an_episode_that_replay_shows_again(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     bars: list[tqdm[Any]] = []
 
     def bar(total: int, unit: str) -> Any:
@@ -285,7 +281,7 @@ def test_render_runs_an_episode_that_replay_shows_again(
 
     for module in (render, replay):
         monkeypatch.setattr(module, "progress_bar", bar)
-    saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
+    saved, one, other = (flexarm.folder / name for name in ("lap.npz", "one.png", "other.png"))
     ended = flexarm("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS)
     assert ended.stdout.startswith("joint_pd: plain lap, complete\n")
     assert [(one.n, one.total) for one in bars] == [(1600, 1600), (1, 1)]  # of the episode, and the picture

@@ -142,8 +142,6 @@ def test_a_batch_has_the_bits_of_its_rows() -> None:
     assert PAPER.evaluate(np.empty((0, 2))).shape == (0,)
 
 
-# --- what sets, variables, systems and inputs must not be -----------------------------------------------------------
-
 TWO = variable((0, 0, 1), (0, 1, 1))
 BARE = r"sets of x: must cover \[0.0, 1.0\], .* zero at "
 

@@ -141,9 +141,6 @@ def test_command_shaping_keeps_the_first_side(lap: str) -> None:
     assert np.sqrt(np.mean(away[200:] ** 2)) < 0.12
 
 
-# --- with feedback of the gauges -------------------------------------------------------------------------------------
-
-
 def test_gauges_damp_what_joint_feedback_leaves() -> None:
     """A heavier tip vibrates after the start; feedback of the bending leaves less than a third of the error."""
     left = []
@@ -161,9 +158,6 @@ def test_gauges_hold_a_load_that_is_picked_up() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Carry-v0", randomisation={}, **GaugedTracking.options())
     run = run_policy(env, GaugedTracking.for_env(env), lap="plain", max_steps=100)
     assert run.notes["ended"] == "truncated"
-
-
-# --- the disturbance observer ----------------------------------------------------------------------------------------
 
 
 PERIOD, ELBOWS = 0.01, (0.28, 0.8, 1.2, 1.57)  # [s], [rad]

@@ -124,9 +124,6 @@ def test_it_is_as_good_as_the_true_state_at_the_start_of_both_laps(direction: st
     np.testing.assert_allclose(*errors, atol=0.01)
 
 
-# --- with an IMU -----------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def inertial() -> InertialLQG:
     return InertialLQG.for_env(gymnasium.make(ID, **InertialLQG.options()))
@@ -183,9 +180,6 @@ def test_with_an_imu_too_it_is_designed_for_what_is_given(design: dict[str, Any]
     deaf, plain = InertialLQG(own, [plan()], trust=(1e9, 1e9, 1e9), **design), LQG(own, [plan()], **design)
     assert np.abs(deaf.gain).max() < 1e-6 < 1e-3 < np.abs(InertialLQG(own, [plan()], **design).gain).max()
     np.testing.assert_allclose(deaf.filter.gain, plain.filter.gain, atol=1e-6 * np.abs(plain.filter.gain).max())
-
-
-# --- iterative learning ----------------------------------------------------------------------------------------------
 
 
 def lap_of(now: Plan, disturbance: tuple[float, float], **quantities: float) -> Lap:

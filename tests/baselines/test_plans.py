@@ -146,10 +146,7 @@ def test_plans_are_found_by_their_reference() -> None:
 
 LATER = {name: getattr(PLAIN, name)[1:] for name in ("torques", "states", "reference")}
 test_plans_that_do_not_fit_are_refused = refused(
-    (
-        lambda: PlanFollower(task_of_plan(torque_limit=(100.0, 50.0))),
-        r"no plan for .*period and torque limit",
-    ),
+    (lambda: PlanFollower(task_of_plan(torque_limit=(100.0, 50.0))), r"no plan for .*period and torque limit"),
     (lambda: PlanFollower(task_of_plan(), [replace(PLAIN, **LATER)]), r"plans\[0\]: must .* 1600 .* 0\.01 s, has 1599"),
     (
         lambda: PlanFollower(task_of_plan(), [replace(PLAIN, reference=PLAIN.reference + 1e-3)]),

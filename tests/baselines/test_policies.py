@@ -32,9 +32,6 @@ class OneGain(gym.Env[Any, Any]):
         self.arm = SimpleNamespace(modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights)))
 
 
-# --- predict ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("policy", [IFDC(gain=0.35, gain_limit=2.0), FLSAC(**TWO_MODES)], ids=repr)
 def test_one_observation_or_a_batch(policy: Policy) -> None:
     """What is given is left as it is, answers are new, and a memory comes back; all else is refused."""
@@ -66,9 +63,6 @@ def test_the_signature_is_that_of_stable_baselines3() -> None:
         assert differ == {"deterministic"}  # which theirs must be told
 
 
-# --- IFDC ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("policy", "action"),
     [
@@ -89,9 +83,6 @@ test_impossible_constants = refused(
     ({"gain": "1"}, "TypeError: gain = '1': must be"),
     by=lambda options: IFDC(**options),
 )
-
-
-# --- FLSAC --------------------------------------------------------------------------------------------------
 
 
 def flsac_gain(observation: Any, **options: Any) -> float:
@@ -155,9 +146,6 @@ test_impossible_deflections = refused(
     (np.array([0.0, np.nan, 0.0, 0.0, 0.0]), "inputs hold nan: must be finite"),
     by=FLSAC(**TWO_MODES).predict,
 )
-
-
-# --- for_env ------------------------------------------------------------------------------------------------
 
 
 def test_a_policy_reads_its_environment_through_wrappers_and_that_of_a_batch() -> None:

@@ -113,9 +113,6 @@ def test_entries_are_described_and_other_names_refused() -> None:
         controller("lqq")
 
 
-# --- while the late sensor holds its last reading --------------------------------------------------------------------
-
-
 def test_only_a_reading_that_is_the_one_before_in_both_coordinates_is_missing() -> None:
     before = np.array([[1.0, 2.0], [1.0, 2.0], [np.nan, np.nan]])
     tip = np.array([[1.0, 2.0], [1.0, 2.5], [1.0, 2.0]])

@@ -96,9 +96,6 @@ test_refusals = refused(
 )
 
 
-# --- the rigid arm's way along a moving point ------------------------------------------------------------------------
-
-
 ARM = ArmParameters.linear()
 
 

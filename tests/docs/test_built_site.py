@@ -60,9 +60,6 @@ def test_the_site_takes_nothing_from_the_network(built: Path) -> None:
     assert {page: found for page, text in texts.items() if (found := re.findall(taken, text))} == {}
 
 
-# --- in a browser ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_fits_and_its_pictures_are_there(browser: Browser, page: str, size: tuple[int, int]) -> None:

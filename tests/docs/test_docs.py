@@ -15,9 +15,8 @@ from scripts.docs.contents import MODULES
 from scripts.docs.notebooks import FOLDER, executed
 from scripts.docs.snippets import LONG
 from scripts.docs.steps import LOOSE, PICTURE, TOLERANCE, TRAINS, TUTORIALS, agree, excerpt, printed, steps
-from tests.support.programs import PACKAGES
+from tests.support.programs import PACKAGES, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 FOLDERS = ("docs", "docs/environments", "docs/how_to", "docs/reference", "docs/tutorials")
 PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder).glob("*.md")))]
@@ -25,8 +24,7 @@ MOST_BYTES = 60_000  # of a tutorial's picture
 
 
 @pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=[pytest.mark.slow] * (p in LONG), id=str(p.relative_to(ROOT))) for p in PAGES],
+    "page", [pytest.param(p, marks=[pytest.mark.slow] * (p in LONG), id=str(p.relative_to(ROOT))) for p in PAGES]
 )
 def test_steps_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The README's each alone, a page's one after the other."""
@@ -96,9 +94,6 @@ def test_a_snippet_that_is_not_found_is_an_error() -> None:
         steps("```python\na = 1\n```\n\n  ```python\n  b = 2\n  ```\n")
 
 
-# --- examples in docstrings ------------------------------------------------------------------------------------------
-
-
 FLAGS = doctest.IGNORE_EXCEPTION_DETAIL
 WITH_EXAMPLES = [
     ".".join([package, *path.relative_to(folder).with_suffix("").parts]).removesuffix(".__init__")
@@ -122,9 +117,6 @@ def test_examples_run(name: str) -> None:
 def test_modules_of_the_reference_have_examples() -> None:
     assert len(WITH_EXAMPLES) >= 11
     assert set(WITH_EXAMPLES) <= set(MODULES)
-
-
-# --- notebooks -------------------------------------------------------------------------------------------------------
 
 
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))

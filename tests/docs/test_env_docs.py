@@ -68,9 +68,6 @@ def numbers(cell: str) -> np.ndarray:
     return np.array([np.inf if part == "none" else float(part) for part in cell.split(", ")])
 
 
-# --- fresh and complete --------------------------------------------------------------------------------------
-
-
 def test_the_committed_pages_are_what_the_code_says() -> None:
     pages = environments.pages()
     assert set(pages) == {path.name for path in DOCS.glob("*.md")}
@@ -111,9 +108,6 @@ def test_the_specification_builds_no_arm(monkeypatch: pytest.MonkeyPatch) -> Non
     for kind, method in ((FlexibleArm, "__init__"), (Settings, "__post_init__")):
         monkeypatch.setattr(kind, method, lambda *given: pytest.fail("an arm was built"))
     assert documentation.specification(FlexArmEnv.__doc__ or "").count("\n## ") > 8
-
-
-# --- true ----------------------------------------------------------------------------------------------------
 
 
 def test_observation_tables(name: str, env: FlexArmEnv) -> None:

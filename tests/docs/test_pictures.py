@@ -94,9 +94,6 @@ def test_the_readme_is_short() -> None:
     assert len(re.findall(r"\S+", README)) <= 1000
 
 
-# --- the tables of the pages about agents ----------------------------------------------------------------------------
-
-
 # Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;
 # under feedback that grows no further: 1.3e-7 of a lap's largest error was seen. The pages show three or four digits.
 ROUNDING = 1e-5

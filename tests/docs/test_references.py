@@ -18,7 +18,7 @@ from tests.support.syntax import statements
 
 FOLDERS = ("flexarm_env", "baselines", "agents", "scripts", "tests")
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # What users, Gymnasium and MuJoCo call things.
 OTHERS = {*["env", "envs", "run", "gym", "np", "gymnasium", "vector_kwargs", "implicitfast"]}
 WRITTEN = {"json", "csv", "zip", "npz", "md"}  # files that our scripts write

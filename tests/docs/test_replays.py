@@ -104,9 +104,6 @@ def test_a_record_without_a_reading_is_no_replay() -> None:
         replays.replay(lap)
 
 
-# --- the board, and where widgets stand -----------------------------------------------------------------------------
-
-
 def test_the_board_keeps_every_row_and_column() -> None:
     script = board_script(BOARD, ["lqg"])
     shown = json.loads(script[len("flexarm.board(") : script.rindex(")")])

@@ -74,9 +74,6 @@ def test_links_and_pictures_lead_to_files_also_outside_docs(laid_out: Path) -> N
             assert (page.parent / target).exists(), f"{page}: {target}"
 
 
-# --- the page of the commands ---------------------------------------------------------------------------------------
-
-
 def test_the_page_is_what_the_parsers_say() -> None:
     shown = shown_blocks()["command_line"]
     assert shown == commands.text(), "run python -m scripts.docs.commands"

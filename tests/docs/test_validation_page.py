@@ -60,9 +60,6 @@ def test_the_page_is_renewed_by_a_part_of_the_checks(tmp_path: Path) -> None:
         assert new == old | {"figure": pytest.approx(old["figure"], rel=0.02, abs=1e-10)}
 
 
-# --- texts that quote figures ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", [*PAGES, *QUOTING_PAGES])
 def test_a_page_quotes_the_record(name: str) -> None:
     """`make docs` brings it up to date."""

@@ -86,15 +86,6 @@ def test_citation_archive_and_package_agree() -> None:
         assert f"= {shown}" in page
 
 
-def test_paths_on_pages_outside_docs_exist() -> None:
-    for page in ("SECURITY.md", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md"):
-        for path in re.findall(r"`((?:tests|\.github)/[\w/.]+)`", (ROOT / page).read_text(encoding="utf-8")):
-            assert (ROOT / path).exists(), path
-
-
-# --- requirements ----------------------------------------------------------------------------------------------------
-
-
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = DECLARED["project"]
 EXTRAS: dict[str, list[Requirement]] = {

@@ -57,9 +57,6 @@ def test_a_study_shows_its_results_in_docs(svg: bool, tmp_path: Path, monkeypatc
     assert picture.with_suffix(".svg").is_file() == svg
 
 
-# --- what they refuse ------------------------------------------------------------------------------------------------
-
-
 CASES = [
     ("benchmarks", "--repeats 0", "error: repeats = 0: must be"),
     ("benchmarks", "--cold -1", "error: cold = -1: must be"),

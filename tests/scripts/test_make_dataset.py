@@ -47,9 +47,7 @@ def test_an_action_outside_of_its_space_is_refused() -> None:
         ({"delays": (-0.1,)}, r"delay = -0\.1"),
     ],
 )
-def test_bad_options_are_refused_at_once(
-    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], message: str
-) -> None:
+def test_bad_options_are_refused(monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], message: str) -> None:
     monkeypatch.setattr(make_dataset, "_minari", lambda: None)
     with pytest.raises(ValueError, match=message):
         make_dataset.check(Options(**changes))

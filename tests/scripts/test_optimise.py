@@ -124,9 +124,6 @@ def test_a_slower_race_has_the_speeds_of_the_fast_one_divided() -> None:
     np.testing.assert_allclose(slow, 2.0 * np.array(fast), atol=4.0 * PERIOD)
 
 
-# --- the design of LQG for a set of plants ---------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def shipped() -> LQG:
     """Design it along one plan; deviations from the other one decay as fast."""
@@ -134,9 +131,7 @@ def shipped() -> LQG:
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_decay_on_the_model_is_that_of_the_slower_of_filter_and_regulator(
-    shipped: LQG, monkeypatch: pytest.MonkeyPatch, scale: float
-) -> None:
+def test_decay_is_that_of_the_slower_part(shipped: LQG, monkeypatch: pytest.MonkeyPatch, scale: float) -> None:
     """Where the plant is the model, errors of the estimate and deviations under the true state go on by themselves."""
     controller = copy(shipped)
     gain = scale * controller.regulator.gain  # twice the gain is too much for torques that are held

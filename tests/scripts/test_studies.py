@@ -94,14 +94,6 @@ def test_workers_run_trials() -> None:
         list(run_all(trials | {"none": partial(divmod, 7, 0)}, 2, "quotients"))
 
 
-def test_what_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"name = 'nobody'"):
-        run_laps("nobody")
-
-
-# --- learning --------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", OF_LEARNING)
 def test_the_pages_have_what_the_data_say(name: str, tmp_path: Path) -> None:
     study = OF_LEARNING[name]
@@ -167,9 +159,7 @@ def test_an_inverse_model_refuses_what_it_cannot_see(driven: FlexArmVectorEnv) -
         inverse.GoalEncoder.of(Settings.of({**inverse.INTERFACE, "frame": "link"}), (1, 2, 3))
 
 
-def test_an_inverse_model_learns_what_led_where_the_tip_went(
-    driven: FlexArmVectorEnv, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_inverse_model_learns_what_led_to_a_goal(driven: FlexArmVectorEnv, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inverse, "PERIODS", 20)
     encoder = inverse.GoalEncoder.of(driven.settings, (1, 2, 3, 4))
     made = inverse.rollout(driven, encoder, None, 0.3, np.random.default_rng(1))
@@ -236,9 +226,6 @@ def test_agents_in_the_data_are_trained_anew(tmp_path: Path, monkeypatch: pytest
         trained()
 
 
-# --- analysis --------------------------------------------------------------------------------------------------------
-
-
 def prose() -> str:
     return " ".join((DOCS / "analysis.md").read_text().split())
 
@@ -277,11 +264,7 @@ def linear() -> dict[str, Any]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(margins, "SENSORS", {"end effector": margins.SENSORS["end effector"]})
         rows = margins.rows(["paper's arm"], ["IFDC"])
-    return {
-        "rows": rows,
-        "by_modes": margins.by_modes((2,)),
-        "largest_gains": margins.largest_gains([], (1,)),
-    }
+    return {"rows": rows, "by_modes": margins.by_modes((2,)), "largest_gains": margins.largest_gains([], (1,))}
 
 
 def test_the_page_has_the_margins(linear: dict[str, Any]) -> None:
