@@ -1,8 +1,8 @@
 """FlexArm: a planar, very flexible two-link arm that tracks a square, after Green & Sasiadek (IFAC 2008).
 
 Importing this package registers its environments with Gymnasium; `gymnasium.make("flexarm_env:FlexArm/Paper-v0")`
-imports it by itself. Bad input raises a `TypeError` (its kind) or a `ValueError` (its value) that names the argument,
-its value and what is allowed; docstrings list what else can go wrong.
+imports it by itself. Bad input raises a `TypeError` or a `ValueError` that names the argument, its value and what is
+allowed; docstrings list what else can go wrong.
 """
 
 from typing import TYPE_CHECKING

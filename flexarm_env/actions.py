@@ -176,6 +176,9 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
     Returns:
         ``limit action``, or where the action -1 stands for 0, `gain_from_action`. Shape of ``action``. A race's third
         number below 0 is returned as it is, and stands for standstill.
+
+    Raises:
+        ValueError: for another mode, an action beyond [-1, 1], or a limit that is not above 0.
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return gain_from_action(action, limit)
@@ -192,6 +195,9 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
 
     Returns:
         ``value / limit``, or where the action -1 stands for 0, `action_from_gain`. Shape of ``value``.
+
+    Raises:
+        ValueError: for another mode, a value beyond the limit, or a limit that is not above 0.
     """
     if MODES[choice("mode", mode, MODES)].least == 0.0:
         return action_from_gain(value, limit)

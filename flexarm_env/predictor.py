@@ -30,6 +30,9 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
 
     Returns:
         A function of observation, state and episode start that returns action and state.
+
+    Raises:
+        TypeError: for a class, or what cannot be called in one of these forms.
     """
     if inspect.isclass(policy):
         raise TypeError(f"policy = {shown(policy)}: is a class; make a policy of it first")

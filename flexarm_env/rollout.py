@@ -176,7 +176,8 @@ def run_batch(
         others go on.
 
     Raises:
-        ValueError: for another number of policies, or a lap beside options.
+        TypeError, ValueError: for another batch, another number of policies, a policy that cannot be called, or a lap
+            beside options.
     """
     if not isinstance(envs, FlexArmVectorEnv):
         raise TypeError(f"envs = {shown(envs)}: must be a FlexArmVectorEnv")

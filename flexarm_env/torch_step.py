@@ -79,7 +79,9 @@ def step(
         Shape (..., 4 + 4 m).
 
     Raises:
-        RuntimeError: where a gradient of a gradient is asked for.
+        TypeError: for other tensors.
+        ValueError: as `FlexibleArm.step`.
+        RuntimeError: in the backward pass, where a gradient of a gradient is asked for.
     """
     given = {"payload_mass": payload_mass, "stiffness": stiffness, "damping": damping}
     quantities = {

@@ -29,7 +29,10 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
 
         Args:
             env: the batch, whose observations are vectors.
-            ages: of the observations, increasing [steps].
+            ages: of the observations, increasing, from 0 to `LONGEST` [steps].
+
+        Raises:
+            TypeError, ValueError: for observations that are no vectors, or other ages.
         """
         super().__init__(env)
         space = env.single_observation_space
@@ -37,7 +40,7 @@ class PastObservations(VectorWrapper[Any, Any, Any, Any, Any]):
             raise TypeError(f"env: must observe vectors, got {space}")
         self.ages = [integer(f"ages[{n}]", age, 0, LONGEST) for n, age in enumerate(listed("ages", ages))]
         if not self.ages or self.ages != sorted(set(self.ages)):
-            raise ValueError(f"ages = {shown(ages)}: must increase, and be one at least")
+            raise ValueError(f"ages = {shown(ages)}: must increase, and there must be one at least")
         low, high = (np.tile(bound, len(self.ages)) for bound in (space.low, space.high))
         self.single_observation_space = gymnasium.spaces.Box(low, high, dtype=space.dtype.type)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)

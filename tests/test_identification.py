@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -159,7 +160,9 @@ def of_environment(**options: Any) -> Any:
 
 test_bad_input_is_refused = refused(
     (lambda: identify([SOME], ARM, ["mass"]), "names = 'mass': must be one of"),
-    (lambda: identify([SOME], ARM, []), "give each name once"),
+    (lambda: identify([SOME], ARM, []), r"names = \[\]: must hold at least one name"),
+    (lambda: identify([SOME], ARM, "payload_mass"), "TypeError: names = 'payload_mass': must be a list"),
+    (lambda: identify([], ARM, ["payload_mass"]), "recordings: must be one at least"),
     (lambda: identify([SOME, replace(SOME, period=0.02)], ARM, ["payload_mass"]), "the same period"),
     (fitted(delay=-1.0), "delay = -1.0"),
     (fitted(window=0.0), "window = 0.0"),
@@ -176,6 +179,7 @@ test_bad_input_is_refused = refused(
     (lambda: record(bare("FlexArm/Square-v0"), TORQUE), "scaled=False"),
     (lambda: record(PLAIN, np.zeros((0, 2))), r"torque: must have shape \(n, 2\), n at least 2, got \(0, 2\)"),
     (lambda: record(PLAIN, np.zeros((5, 3))), r"torque: must have shape \(n, 2\), got \(5, 3\)"),
+    (lambda: record(gymnasium.make("CartPole-v1"), TORQUE), "TypeError: env = .*: must be a FlexArmEnv"),
     (of_environment(torque_resolution=(1, 1)), "ideal motors"),
     (of_environment(pulse_force=(1, 0)), "pulse_force = 0"),
 )

@@ -32,7 +32,7 @@ from flexarm_env.validation import instance, integer, number
 
 Array = NDArray[np.float64]
 _POINTS_PER_UNIT = 40  # of kappa L and k L in the search for sign changes; roots are about pi or more apart
-# kappa L and k L up to which is searched: waves a thousandth of the link long, far beyond a slender beam
+# kappa L and k L up to which is searched: a wave is then 2 pi / 1000 of the link long, far too short for a slender beam
 _LARGEST = 1000.0
 
 

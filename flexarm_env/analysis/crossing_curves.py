@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 TURN = 2.0 * np.pi
-_THIRDS = 45  # of an interval, for a minimum: to the root of the last bit
+_THIRDS = 45  # steps of the ternary search for a minimum: it ends at the root of the rounding error
 _COARSE, _HALVINGS = 0.25, 40  # [rad] or the cosine of one; halvings of the grid's interval
 # Where a pair of crossing curves ends, its phases turn with the root of the distance: points by powers of that.
 _NEAR_END = np.geomspace(1e-12, 1.0, 40)[:-1]

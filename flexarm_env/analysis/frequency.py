@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.analysis.plant import Plant, poles
+from flexarm_env.analysis.natural import natural_modes
+from flexarm_env.analysis.operating_point import OperatingPoint
+from flexarm_env.analysis.plant import Plant
 from flexarm_env.validation import finite_array, instance, shown
 
 Array = NDArray[np.float64]
@@ -67,17 +69,16 @@ def bode(plant: Plant, omega: ArrayLike | None = None) -> tuple[FrequencyRespons
 
     Args:
         plant: see `linear_plant`.
-        omega: [rad/s], > 0, increasing; None: 2000 values from a twentieth of the slowest elastic pole's to twice the
-            fastest's. Shape (k,).
+        omega: [rad/s], > 0, increasing; None: 2000 values from a twentieth of the slowest natural frequency of the
+            resting arm, with free joints and at the same angles, to twice the fastest. Shape (k,).
 
     Returns:
         The response; the `matplotlib.figure.Figure`, None where matplotlib is not installed.
     """
     instance("plant", plant, Plant)
     if omega is None:
-        own = 2 * plant.point.arm.size  # without the poles of motors and Pade models
-        arm = replace(plant, A=plant.A[:own, :own])
-        elastic = poles(arm).frequencies[4:]  # the first four are those of the free joints
+        resting = OperatingPoint.at_angles(plant.point.arm, plant.point.q[:2])
+        elastic = natural_modes(resting).frequencies[2:]  # without the two rigid-body modes of free joints
         omega = np.geomspace(0.05 * elastic[0], 2.0 * elastic[-1], 2000)
     frequencies = finite_array("omega", omega, (None,))
     if not len(frequencies) or not np.all(np.diff(frequencies, prepend=0.0) > 0.0):

@@ -1,8 +1,8 @@
 """What a right-half-plane zero forbids to every controller of the plant.
 
 With a zero z > 0 of output direction y, any loop that is internally stable keeps ``y^H S(z) = y^H``: at z, errors
-along y cannot be reduced. Two consequences for the sensitivity S, both for its largest singular value, since another
-output may be made to pay for y:
+along y cannot be reduced. Two consequences for the sensitivity S, both for its largest singular value, since errors
+along y may become small while those of another output grow:
 
 - If ``|S| <= |s / (s / M + omega_B)|``, which is M at high frequencies and falls below omega_B, then
   ``omega_B <= z (1 - 1/M)``; M = 2 gives the usual z / 2.

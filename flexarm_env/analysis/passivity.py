@@ -6,8 +6,8 @@ From the torques to the collocated joint rates the linear resting arm is ``G(s) 
     tau^H (G + G^H) tau / 2 = v^H (Re(s) M + D + Re(s) / |s|^2 K) v >= 0   for Re(s) >= 0,
 
 because M, D and K are not negative: positive real for every arm, mode count and pose. A negative feedback of the joint
-rates through anything passive is therefore stable. Nothing of this survives a sensor that moves off the joint (B^T on
-the left becomes another matrix) or a delay (a factor exp(-s T)).
+rates through anything passive is therefore stable. None of this holds for a sensor away from the joint (another matrix
+takes the place of the B^T on the left) or with a delay (a factor exp(-s T)).
 
 Source: Popov, *Hyperstability of control systems*, Springer (1973); Khalil, *Nonlinear systems*, ch. 6.
 """

@@ -21,7 +21,7 @@ from scipy.linalg import block_diag
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
 from flexarm_env.extras import install_hint
-from flexarm_env.validation import finite_array, instance, integer, shown
+from flexarm_env.validation import finite_array, instance, integer, listed, shown
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,7 +38,7 @@ class Plant:
         A: by the state variables of `states`. Shape (n, n); n = 4 + 4 m, and more with motors or a Pade model.
         B: Shape (n, inputs).
         C: Shape (outputs, n).
-        D: Shape (outputs, inputs); not zero for Pade models only.
+        D: Shape (outputs, inputs); 0, also with a Pade model: a torque changes no reading at once.
         delays: delays of the outputs [s]. Shape (outputs,).
         inputs: names; torques [N m].
         outputs: names.
@@ -83,7 +83,16 @@ class Plant:
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
-        """Select some inputs and outputs by name, None: all; or raise `ValueError` for none or an unknown one."""
+        """Select some inputs and outputs.
+
+        Args:
+            inputs: list of names; None: all.
+            outputs: list of names; None: all.
+
+        Raises:
+            TypeError: for what is no list, as a single name.
+            ValueError: for an unknown name, or none.
+        """
         rows = _indices("outputs", self.outputs, outputs)
         columns = _indices("inputs", self.inputs, inputs)
         return replace(
@@ -255,10 +264,10 @@ def _each(sensors: Sequence[Sensor]) -> list[Sensor]:
 def _indices(name: str, known: tuple[str, ...], wanted: Sequence[str] | None) -> list[int]:
     if wanted is None:
         return list(range(len(known)))
-    unknown = [entry for entry in wanted if entry not in known]
-    if unknown or not len(wanted):
-        raise ValueError(f"{name} = {list(wanted)}: must be some of {list(known)}")
-    return [known.index(entry) for entry in wanted]
+    given = listed(name, wanted)
+    if not given or not all(entry in known for entry in given):
+        raise ValueError(f"{name} = {given}: must be some of {list(known)}")
+    return [known.index(entry) for entry in given]
 
 
 def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:

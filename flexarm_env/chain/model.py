@@ -19,7 +19,7 @@ chain needs neither modes nor their scale, and its velocity forces are complete 
 
 **Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
 is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
-step / 2 ("material") make it stable at any frequency: for the default arm up to 1 ms, whatever n is.
+step / 2 ("material") make it stable at any frequency: for the default arm up to 0.99 ms, whatever n is.
 """
 
 from __future__ import annotations

@@ -187,7 +187,7 @@ class FixedNames(Names):
 
 
 class Intrinsic(Generic[P, R]):
-    """A function that numba has no word for: its meaning in plain Python, and the code that compiles it."""
+    """A function that numba cannot express: its meaning in plain Python, and the code that compiles it."""
 
     __name__: str
 

@@ -38,7 +38,7 @@ def tracking_torque(
 
     Args:
         k: constants of the arm.
-        gains: stiffness [N m/rad] and resistance [N m s/rad] of the two joints.
+        gains: stiffness [N m/rad] and damping [N m s/rad] of the two joints.
         aim: joint angles and rates to be followed.
         residual: torque added [N m].
         state: y and v.

@@ -151,7 +151,7 @@ class Episode(NamedTuple):
         path: name of the path.
         start_time: moment of the lap at which the episode began [s]; of a race the place on the path [m].
         elbow_branch: on which side of 0 theta2 is for the rigid arm on the target, "positive" or "negative".
-        direction: in which the target goes round the square, "counterclockwise" or "clockwise".
+        direction: of the lap of a path with a name, "counterclockwise" or "clockwise"; of other paths it says nothing.
     """
 
     parameters: dict[str, Any]

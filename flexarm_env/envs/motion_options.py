@@ -62,7 +62,7 @@ class MotionOptions:
         allowed_of(LawParameters, "torque_limit"),
     )
     torque_rate_limit: tuple[float, float] = option(
-        # Excites the second modes of the free arm (36 Hz and more) less than a tenth as much as a step of the torque.
+        # A reversal excites the free arm's second pair of modes (29 Hz and more) at most a ninth as much as a step.
         (3000.0, 1000.0),
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),

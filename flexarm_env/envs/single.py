@@ -183,6 +183,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
 
         Raises:
             gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
+            RuntimeError: before the first reset.
         """
         if self._scene is None:
             gymnasium.logger.warn(

@@ -24,10 +24,11 @@ from flexarm_env.identification.model import (
 from flexarm_env.identification.recording import Recording
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.validation import choice, number, shown
+from flexarm_env.validation import names as checked_names
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
-FAR = 1e6  # a residual, where there is none
+FAR = 1e6  # each residual of an arm that cannot be simulated
 ROUNDS = 4  # in which the noise of each channel is estimated anew
 
 
@@ -78,10 +79,10 @@ def identify(
         TypeError, ValueError: for a bad argument, or parameters that the recordings do not tell apart.
         FloatingPointError: if the arm diverges where the search begins.
     """
-    for name in names:
+    for name in checked_names("names", names):
         choice("names", name, parameter_names())
-    if not names or len(set(names)) < len(names) or not recordings:
-        raise ValueError(f"names = {shown(names)}, {len(recordings)} recordings: give each name once, and recordings")
+    if not recordings:
+        raise ValueError("recordings: must be one at least")
     known = checked_delays(delay, actuation_delay)
     check_place(arm, sensor_position)
     torque, measured, period = _windows(recordings, window)
@@ -145,7 +146,7 @@ class Fit:
         return found
 
     def residuals(self, unknown: Array) -> Array:
-        """Return fewer residuals than there are readings, with the same sum of squares, in units of the noise."""
+        """Return residuals in units of the noise: those of the readings, combined to fewer (`_problem`)."""
         return self._problem(unknown)[0]
 
     def jacobian(self, unknown: Array) -> Array:
@@ -160,7 +161,11 @@ class Fit:
         return {name: (read[name][..., 0] - y, slopes[name]) for name, y in self._measured.items()}
 
     def _problem(self, unknown: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian; those of a window are turned so that few rows are left, of the same norm."""
+        """Return residuals and Jacobian, reduced.
+
+        A QR factorisation of each window's rows leaves as many as there are unknown numbers, and one. Sums of squares
+        stay the same, also as functions of what is unknown.
+        """
         if self._latest is None or not np.array_equal(self._latest[0], unknown):
             count = len(self._model.torque)
             try:

@@ -11,8 +11,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.simulation.open_loop import LARGEST
-from flexarm_env.validation import finite_array, number, real_array
+from flexarm_env.validation import finite_array, number, real_array, shown
 
 Array = NDArray[np.float64]
 CHANNELS = {"joint": "rad", "deflection": "m", "tip": "m"}  # what is read, each of two numbers, with its unit
@@ -130,9 +131,12 @@ def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -
         The recording; it ends before an instant at which the episode ends.
 
     Raises:
-        ValueError: for another environment, or torques beyond its limits.
+        TypeError: for an environment of another class.
+        ValueError: for other options, or torques beyond the limits.
     """
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
+    if not isinstance(inner, FlexArmEnv):
+        raise TypeError(f"env = {shown(env)}: must be a FlexArmEnv, wrapped or not")
     settings, torques = inner.settings, played_torques(torque)
     if (settings.action_mode, settings.scaled, settings.frame) != ("torque", False, "world"):
         raise ValueError('env: must have action_mode="torque", scaled=False, frame="world"')

@@ -30,9 +30,9 @@ class Shape(NamedTuple):
         sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
         dry: joints have dry friction.
         motors: torques pass through motors that are not ideal (`motors`).
+        payloads: how many changes of the payload a lap has (`episode.payload`).
         pulses: forces act at the tip.
         drifting: strain gauges drift.
-        payloads: how many changes of the payload a lap has (`episode.payload`).
     """
 
     program: Program

@@ -35,7 +35,7 @@ def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i
 
 
 def invalidate_segment(arena: Arena, first: int, i: int) -> None:
-    """Have lane i search for its side anew."""
+    """Mark lane i's side as unknown: it is searched for anew."""
     arena[first + segment.END, i] = -1e300
 
 

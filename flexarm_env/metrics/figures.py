@@ -48,7 +48,7 @@ class LapFigures:
         peak_torque: [N m].
         rms_torque: [N m].
         torque_travel: sum of the magnitudes of the torque's changes from one control period to the next [N m].
-        torque_change_after_2s: r.m.s. of these changes from 2 s on [N m].
+        torque_change_after_2s: r.m.s. of these changes after 2 s [N m].
         energy: sum over periods and both motors of the work's magnitude: no work is recovered [J].
         net_work: what the motors gave to the arm [J].
         share_at_limit: share of the control periods with a torque at its limit; None where no limit is given.

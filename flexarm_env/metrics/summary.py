@@ -15,6 +15,9 @@ def summary(run: Trajectory) -> dict[str, object]:
     A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
     that it survived would compare well with those of a whole run. The figures after 2 s leave out the transient of the
     start; they are None for a shorter run, as the mean gain is for a run of one instant.
+
+    Raises:
+        ValueError: if the run has no reference.
     """
     early, figures = ended_early(run), figures_so_far(run)
     rigid = tracking_error(run, "rigid")

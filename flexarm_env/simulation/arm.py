@@ -1,4 +1,4 @@
-"""`FlexibleArm`: the friendly object over the equations and the compiled kernels.
+"""`FlexibleArm`: an arm with its equations, kinematics and simulation.
 
 Public coordinates: ``q`` = (theta1, theta2, link 1's modal coordinates, link 2's), Shape (..., 2 + 2 m); a *state*
 is q followed by its rates, Shape (..., 4 + 4 m). theta1 is the angle of link 1's root tangent from the x axis;

@@ -81,7 +81,7 @@ class Arms(NamedTuple):
 
     @property
     def lanes(self) -> int:
-        """Of a block that suits their number."""
+        """Lanes of a block, as suit the number of arms."""
         return 1 if len(self.states) == 1 else LANES
 
     def shaped(self, results: Array) -> Array:

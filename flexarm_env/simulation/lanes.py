@@ -182,7 +182,7 @@ class LaneBatch(ABC):
         self._kernel(self._memory, low, high, results)
 
     def close(self) -> None:
-        """Let go of the threads."""
+        """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

@@ -41,7 +41,7 @@ class Integration(NamedTuple):
         step: integration step [s].
         substeps: steps in a control period.
         expected_error: of the tip after a second of full random torques (`step_error`) [m]; None under the
-            paper's law, where the functions here bound it.
+            paper's law, whose error the default step bounds (`DEFAULT_ANGLE`).
     """
 
     method: str

@@ -122,6 +122,15 @@ def test_the_band_of_a_bode_plot_is_that_of_the_arm() -> None:
     plt.close("all")
 
 
+def test_the_band_of_a_bode_plot_begins_below_the_first_vibration_of_an_arm_with_friction() -> None:
+    """Friction of joints moves two poles away from 0, so that not all of the first four are those of joints."""
+    point = OperatingPoint.at_angles(FlexibleArm(ArmParameters.named("quanser")), (0.1, 0.9))
+    omega = bode(linear_plant(point, joint_angles()))[0].omega
+    vibrations = natural_modes(point).frequencies[2:]
+    np.testing.assert_allclose(omega[[0, -1]], [0.05 * vibrations[0], 2.0 * vibrations[-1]])
+    plt.close("all")
+
+
 def test_a_matlab_file_has_the_plant(tmp_path: Path) -> None:
     plant = linear_plant(OperatingPoint.at_point(ARM, (-6.3, 6.3)), tip(delay=0.02))
     plant.to_mat(tmp_path / "arm.mat")
