@@ -21,7 +21,7 @@ from flexarm_baselines.task import Task
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import number
 
-HORIZON = 0.5  # [s]; at twice the price below 21 of 32 unknown arms are lost with 0.3 s, one with 0.5 s
+HORIZON = 0.5  # [s]; at twice the price below, 0.3 s loses 21 of 32 unknown arms, and 0.5 s one
 PRICE = 0.0025  # [m^2]; worth of a period of progress: the tip's squared distance that costs as much in a period
 
 

@@ -117,7 +117,8 @@ class AdaptiveLQG(LQG):
     the rest to first order. A second filter estimates how late the motors are. The pairs of a bank begin with different
     values; the arm is driven by the pair whose innovations are smallest, with hysteresis (`least_in_doubt`).
 
-    Equal tasks share a design, which takes long: its arrays are read-only.
+    Equal tasks share a design, which takes long: its arrays are read-only. Unlike `LQG` it has no `kalman`,
+    `late` and `integrates`.
 
     Attributes:
         filter: tables of all nodes of the grid, for each of these those of all plans.
