@@ -140,7 +140,7 @@ def test_wrapped_observations_do_not_reach_the_record() -> None:
 def test_each_environment_has_its_gain_limit() -> None:
     """Whatever the policy was made for; noise is drawn by the seed."""
     options = {"gain_limit": [1.0, 0.5], "noise": [0.05, 0.0]}
-    first, again, other = (run_batch(batch(2, options), [IFDC()] * 2, seed, max_steps=10) for seed in (1, 1, 2))
+    first, again, other = (run_batch(batch(2, options), [IFDC()] * 2, seed, max_steps=3) for seed in (1, 1, 2))
     np.testing.assert_array_equal([run.gain[0] for run in first], [1.0, 0.5])
     np.testing.assert_array_equal(first[0].state, again[0].state)
     assert np.abs(first[0].state - other[0].state).max() > 0.0

@@ -15,17 +15,6 @@ from tests.support.lagrange import loaded_arm
 EPS = np.finfo(float).eps
 
 
-def test_numbers_come_back_from_their_flat_form() -> None:
-    fields = [1.0, (2.0, 3.0), (), 4.0]
-    sizes = [None, 2, 0, None]
-    assert list(linear_algebra.unflat(linear_algebra.flat(fields), sizes)) == fields
-    assert linear_algebra.extent(sizes) == len(linear_algebra.flat(fields))
-    e = modal_elimination.elimination(FlexibleArm(loaded_arm(3)).constants)
-    assert e is not None
-    for back, own in zip(modal_elimination.Elimination.unflat(e.flat(), 3), e, strict=True):
-        np.testing.assert_array_equal(back, own)
-
-
 @given(
     modes=st.integers(1, 4),
     shapes=st.sampled_from(["cantilever", "polynomial"]),

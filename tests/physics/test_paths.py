@@ -161,7 +161,7 @@ def test_a_path_keeps_its_own_table() -> None:
     np.testing.assert_array_equal(path.velocity([0.5, 2.0]), [(1.0, 0.0), (-0.5, 0.0)])
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(st.floats(0.05, 1.0), st.floats(0.0, 1.0))
 def test_a_path_with_blended_corners_is_its_running_mean(corner_time: float, share: float) -> None:
     sharp = square(SquareParameters(lap_time=4.0))

@@ -102,23 +102,6 @@ def test_velocity_and_jacobian_are_derivatives_of_position(arm: FlexibleArm, lin
         np.testing.assert_allclose(jacobian[:, i], difference, atol=1e-8)  # metres per unit coordinate
 
 
-def test_points_lie_across_the_root_tangent_by_the_deflection(arm: FlexibleArm) -> None:
-    q = states(arm)[: arm.size]
-    (length1, length2), m = arm.parameters.link_lengths, arm.parameters.modes_per_link
-    np.testing.assert_array_equal(arm.elbow(q), arm.position(q, 1, length1))
-    np.testing.assert_array_equal(arm.tip(q), arm.position(q, 2, length2))
-    # link 2's root tangent: theta1, link 1's tip slope, theta2
-    angles = q[0], q[0] + arm.modes[0].tip_slopes @ q[2 : 2 + m] + q[1]
-    for i, (angle, root, modal) in enumerate(zip(angles, (np.zeros(2), arm.elbow(q)), np.split(q[2:], 2), strict=True)):
-        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-        np.testing.assert_allclose(arm.position(q, i + 1, 0.0), root, atol=1e-15)
-        for s in (1.3, arm.parameters.link_lengths[i]):
-            point = arm.position(q, i + 1, s) - root
-            assert point @ across == pytest.approx(arm.modes[i].shape(s) @ modal, abs=1e-14)
-            assert (point @ along == pytest.approx(s, rel=1e-14)) == (arm.parameters.kinematics == "linear")
-        assert point @ across == pytest.approx(arm.tip_deflection(q)[i], abs=1e-14)
-
-
 def test_rigid_tip_is_the_undeflected_one(arm: FlexibleArm) -> None:
     q = states(arm)[: arm.size]
     straight = np.zeros(arm.size)

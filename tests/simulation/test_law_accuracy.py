@@ -1,6 +1,5 @@
 """The arm under its law against an independent solution (`oracle`), and what the integrator promises."""
 
-from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -10,11 +9,14 @@ import pytest
 from flexarm_env import ArmParameters, LawParameters, SensorParameters
 from tests.support.lagrange import loaded_arm, random_state
 from tests.support.loops import END_EFFECTOR, NEAR_ELBOW, PER_JOINT, SHARED, arm_of, assert_accurate, loop_of, simulated
-from tests.support.oracle import COLLOCATED, PAPER, Problem
+from tests.support.oracle import COLLOCATED, PAPER, Problem, oracle
 from tests.support.refusals import label
 
 pytestmark = pytest.mark.compiled
 
+SLOW = "slow: others use the same formulas"
+PLAIN = "in plain Python: kernels that no other test compiles, and few periods"
+Cases = dict[str, tuple[Problem, float, float] | tuple[Problem, float, float, str]]
 
 # Errors are relative to the range of each component over the run, the largest of all instants. The bounds of
 # coordinates and rates are about twice what was found, so that a loss of accuracy shows; all but the marked ones
@@ -35,37 +37,25 @@ PLAIN_CORNERS = Problem(sensor=SensorParameters(rate_jacobian="current"), period
 FORESHORTENED = loaded_arm(1, kinematics="foreshortened", link_lengths=(5.0, 4.2))
 BENT = partial(Problem, FORESHORTENED, periods=40, gain=0.3, start=random_state(FORESHORTENED, 8, 0.2, 0.5))
 
-CASES: dict[str, tuple[Problem, float, float]] = {
-    "paper, collocated, lap": (Problem(), 7e-5, 7e-5),
-    "paper, end effector, lap": (Problem(sensor=END_EFFECTOR), 2e-4, 2.4e-4),
-    "paper, 0.5 m, lap": (Problem(sensor=NEAR_ELBOW), 4e-5, 3e-4),
+CASES: Cases = {
+    "paper, collocated, lap": (Problem(), 7e-5, 7e-5, SLOW),
+    "paper, end effector, lap": (Problem(sensor=END_EFFECTOR), 2e-4, 2.4e-4, SLOW),
+    "paper, 0.5 m, lap": (Problem(sensor=NEAR_ELBOW), 4e-5, 3e-4, SLOW),
     "paper, 0.5 m, small lap": (SMALL_LAP, 4e-5, 3e-4),
     "paper, end effector, shared, one corner": (Problem(PAPER, END_EFFECTOR, SHARED, ONE_CORNER), 3e-4, 3e-4),
     "paper, end effector, per joint, one corner": (Problem(PAPER, END_EFFECTOR, PER_JOINT, ONE_CORNER), 2.5e-4, 3e-4),
     "paper, counterclockwise, negative elbow, other gains": (MIRRORED, 3e-5, 5e-5),
-    "paper, current Jacobian": (PLAIN_CORNERS, 2e-4, 2e-4),
+    "paper, current Jacobian": (PLAIN_CORNERS, 2e-4, 2e-4, PLAIN),
     "paper, gain 0.2 to 1 every 50 ms": (CHANGING, 1e-4, 1e-4),
     "paper, gain and noise every ms": (RESTLESS, 2e-4, 2e-4),
     "paper, gain 17": (Problem(periods=ONE_CORNER, gain=17.0), 5e-5, 6e-5),
     "2 modes, gain 17": (Problem(arm_of(2), periods=400, gain=17.0, side_time=0.25), 7e-4, 2.2e-3),
     "2 modes, unequal links, 4.2 m": (TWO_MODES, 4e-4, 4e-4),
-    "4 modes, end effector": (Problem(arm_of(4), END_EFFECTOR, periods=ONE_CORNER), 9e-4, 9e-4),
-    "4 modes, gain 17": (Problem(arm_of(4), periods=ONE_CORNER, gain=17.0), 1.7e-3, 2e-3),
-    "foreshortened, collocated 3 m": (BENT(SensorParameters("collocated", 3.0)), 3e-7, 3e-7),
-    "foreshortened, true sensor, undelayed": (BENT(SensorParameters("true", 3.0, delay=0.0)), 3e-7, 3e-7),
+    "4 modes, end effector": (Problem(arm_of(4), END_EFFECTOR, periods=ONE_CORNER), 9e-4, 9e-4, SLOW),
+    "4 modes, gain 17": (Problem(arm_of(4), periods=ONE_CORNER, gain=17.0), 1.7e-3, 2e-3, SLOW),
+    "foreshortened, collocated 3 m": (BENT(SensorParameters("collocated", 3.0)), 3e-7, 3e-7, PLAIN),
+    "foreshortened, true sensor, undelayed": (BENT(SensorParameters("true", 3.0, delay=0.0)), 3e-7, 3e-7, PLAIN),
 }
-
-
-# Others use the same formulas.
-SLOW = (
-    *("paper, collocated, lap", "paper, end effector, lap", "paper, 0.5 m, lap"),
-    *("4 modes, end effector", "4 modes, gain 17", "true sensor, undelayed", "true sensor"),
-)
-# Kernels that no other test compiles, and few periods.
-PLAIN = (
-    *("paper, current Jacobian", "true sensor 2 m past the elbow, late rates, noise"),
-    *("foreshortened, collocated 3 m", "foreshortened, true sensor, undelayed"),
-)
 
 
 @pytest.fixture
@@ -75,18 +65,20 @@ def kernels(request: pytest.FixtureRequest) -> None:
         request.getfixturevalue("uncompiled")
 
 
-def fast_or_slow(names: Iterable[str]) -> list[Any]:
-    def case(name: str) -> Any:
-        kernels = "plain" if name in PLAIN else "compiled"
-        return pytest.param(name, kernels, marks=[pytest.mark.slow] * (name in SLOW), id=name)
+def rows(cases: Cases) -> list[Any]:
+    """Return a table's cases as a test's parameters: the problem, two bounds, and how its kernels run."""
+    return [
+        pytest.param(
+            *case[:3], "plain" if PLAIN in case else "compiled", marks=[pytest.mark.slow] * (SLOW in case), id=name
+        )
+        for name, case in cases.items()
+    ]
 
-    return [case(name) for name in names]
 
-
-@pytest.mark.parametrize(("name", "kernels"), fast_or_slow(CASES), indirect=["kernels"])
+@pytest.mark.parametrize(("problem", "coordinates", "rates", "kernels"), rows(CASES), indirect=["kernels"])
 @pytest.mark.usefixtures("kernels")
-def test_agrees_with_the_oracle(name: str) -> None:
-    assert_accurate(*CASES[name])
+def test_agrees_with_the_oracle(problem: Problem, coordinates: float, rates: float) -> None:
+    assert_accurate(problem, coordinates, rates)
 
 
 # Cases that leave the track within milliseconds, or whose right-hand side has kinks at instants of its own. At the
@@ -97,14 +89,14 @@ MOVING = np.array([*Problem().start_state()[:4], 3.0, -4.0, 5.0, -5.0])
 LATE_RATES, WEAK = partial(SensorParameters, delayed="position+rate"), LawParameters(torque_limit=(100.0, 50.0))
 SHAKEN = np.repeat(RNG.normal(0.0, 0.02, (8, 2)), 5, axis=0)
 NOISY = Problem(sensor=LATE_RATES("true", position=2.0), noise=SHAKEN, periods=40)
-HARD_CASES: dict[str, tuple[Problem, float, float]] = {
+HARD_CASES: Cases = {
     "rates delayed: unstable": (Problem(sensor=LATE_RATES(), periods=60), 2e-5, 1.3e-2),
     "rates delayed by 1.2 ms: unstable": (Problem(sensor=LATE_RATES(delay=1.2e-3), periods=4), 5e-5, 0.14),
     # the feedback's delay times its fastest pole is 1.1: barely stable
     "rates delayed by less than a step": (Problem(sensor=LATE_RATES(delay=1e-4), periods=300), 6e-5, 0.35),
-    "true sensor, undelayed": (Problem(sensor=SensorParameters("true", delay=0.0), periods=100), 3e-5, 3e-2),
-    "true sensor": (Problem(sensor=SensorParameters("true"), periods=80), 1e-5, 1e-2),
-    "true sensor 2 m past the elbow, late rates, noise": (NOISY, 1e-5, 2e-5),
+    "true sensor, undelayed": (Problem(sensor=SensorParameters("true", delay=0.0), periods=100), 3e-5, 3e-2, SLOW),
+    "true sensor": (Problem(sensor=SensorParameters("true"), periods=80), 1e-5, 1e-2, SLOW),
+    "true sensor 2 m past the elbow, late rates, noise": (NOISY, 1e-5, 2e-5, PLAIN),
     "torque limit": (Problem(law=LawParameters(torque_limit=(200.0, 100.0)), periods=1500), 2e-5, 6e-3),
     "low torque limit, delayed": (Problem(PAPER, END_EFFECTOR, WEAK, periods=700), 2e-5, 3e-3),
     # second order at the kinks: 6e-4 found, from 1.4e-2 at the default step
@@ -116,16 +108,12 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
 }
 
 
-def test_the_slow_and_plain_cases_are_cases() -> None:
-    assert {*SLOW, *PLAIN} <= CASES.keys() | HARD_CASES.keys()
-
-
-@pytest.mark.parametrize(("name", "kernels"), fast_or_slow(HARD_CASES), indirect=["kernels"])
+@pytest.mark.parametrize(("problem", "fine", "default", "kernels"), rows(HARD_CASES), indirect=["kernels"])
 @pytest.mark.usefixtures("kernels")
-def test_solves_the_oracles_equation(name: str) -> None:
-    problem, fine, default = HARD_CASES[name]
-    assert_accurate(problem, fine, fine, FINE_STEP)
-    assert_accurate(problem, default, default)
+def test_solves_the_oracles_equation(problem: Problem, fine: float, default: float) -> None:
+    expected = oracle(problem)
+    assert_accurate(problem, fine, fine, FINE_STEP, expected)
+    assert_accurate(problem, default, default, None, expected)
 
 
 # Whole laps; 0 modes stands for the paper's arm. With compensation coordinates are as accurate as without (largest

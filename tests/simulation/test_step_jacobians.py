@@ -26,6 +26,7 @@ SLOW += [
     for kinematics in ("linear", "foreshortened")
     for shapes in ("cantilever", "polynomial")
 ]
+DRAWN = np.array([0.7, 1.2, 0.03])  # payload [kg], factor on the stiffness, damping ratio
 COUNT = LANES + 3  # a full block and one with lanes to spare
 
 
@@ -36,13 +37,19 @@ class Case:
         self.arm = FlexibleArm(loaded_arm(modes, **options))
         self.states = np.array([random_state(self.arm.parameters, seed) for seed in range(COUNT)])
         self.torques = np.random.default_rng(0).normal(size=(COUNT, 2)) * 20.0
-        self.steps = 3
+        self.steps = 2
         self.h = min(1e-3, 0.9 * self.arm.longest_step())
         self.period: dict[str, Any] = {"period": self.steps * self.h, "step": self.h}
 
     def moved(self, at: tuple[np.ndarray, ...], place: int, value: np.ndarray) -> np.ndarray:
         """State after the steps where one of state, torque and quantities is another."""
         return stepped(self.arm, *at[:place], value, *at[place + 1 :], self.h, self.steps)
+
+    def driven(self, program: Any) -> tuple[Any, np.ndarray, Variant]:
+        """Return what drivers in plain Python take: the first arm with `DRAWN`, its torques, their variant."""
+        arms, torques = self.arm._driven(self.states[0], self.torques[0], tuple(DRAWN))
+        k, modes = self.arm.constants, self.arm.parameters.modes_per_link
+        return arms, torques, Variant(program, modes, self.arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
 
     def quantities(self) -> dict[str, np.ndarray]:
         rng, own = np.random.default_rng(1), self.arm.changes.own
@@ -102,14 +109,12 @@ def test_one_arm_alone_is_the_same_to_the_last_bit(case: Case) -> None:
 def test_the_drivers_give_them_in_plain_python(options: dict[str, Any]) -> None:
     """Nothing is compiled; the recorded kernels round their sums with products twice."""
     case = Case(1, options)
-    arms, torques = case.arm._driven(case.states[0], case.torques[0], (0.7, 1.2, 0.03))
-    k = case.arm.constants
-    variant = Variant(TANGENTS, 1, case.arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
+    arms, torques, variant = case.driven(TANGENTS)
     states, jacobians = arms.states.copy(), tuple(np.zeros((1, 8, columns)) for columns in (8, 2, 3))
     with plain_python(variant):
         arena = np.zeros((extent(variant.rows), 1))
         run_tangents(arena, *arms.inputs, torques, case.h, case.steps, states, jacobians)
-    at = case.states[0], case.torques[0], np.array([0.7, 1.2, 0.03])
+    at = case.states[0], case.torques[0], DRAWN
     np.testing.assert_allclose(states[0], np.real(stepped(case.arm, *at, case.h, case.steps)), rtol=1e-12)
     for place, found in enumerate(jacobians):
         assert column_errors(found[0], jacobian(partial(case.moved, at, place), at[place])).max() < 1e-11, place
@@ -140,16 +145,14 @@ def test_arguments_stay_as_they_were_and_results_are_new(small: Case) -> None:
     ("modes", "options"), [*((1, one) for one in (LINEAR, RIGID, BENT, LINEAR | DRY)), (2, LINEAR), (2, BENT)], ids=str
 )
 def test_the_drivers_give_gradients_in_plain_python(modes: int, options: dict[str, Any]) -> None:
-    case, drawn = Case(modes, options), np.array([0.7, 1.2, 0.03])
-    arm, weights = case.arm, np.random.default_rng(0).normal(size=2 * case.arm.size)
-    arms, torques = arm._driven(case.states[0], case.torques[0], tuple(drawn))
-    k = arm.constants
-    variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=k.foreshortened, dry=k.dry)
+    case = Case(modes, options)
+    arms, torques, variant = case.driven(GRADIENTS)
+    weights = np.random.default_rng(0).normal(size=2 * case.arm.size)
     found = np.zeros((1, len(weights))), np.zeros((1, 2))
     with plain_python(variant):
-        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(arm.size, case.steps), 1))
+        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(case.arm.size, case.steps), 1))
         run_gradients(arena, trail, arms.inputs[0], torques, case.h, case.steps, arms.states, weights[None], found)
-    at = case.states[0], case.torques[0], drawn
+    at = case.states[0], case.torques[0], DRAWN
     for place, own in enumerate(found):
         exact = weights @ jacobian(partial(case.moved, at, place), at[place])
         np.testing.assert_allclose(own[0], exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
