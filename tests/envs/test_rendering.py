@@ -85,6 +85,7 @@ def test_the_same_snapshot_gives_the_same_pixels(renderer: Renderer) -> None:
         {"links": (SCENE.links[0], SCENE.links[1] + 0.3)},
         {"path": 0.9 * SCENE.path},
         {"trace": SCENE.trace * [1.1, 1.0]},
+        {"trace": SCENE.trace[:1]},
         {"reference": SCENE.reference + 0.3},
         {"sensor": SCENE.sensor + 0.3},
         {"sensed": SCENE.sensed + 0.3},
