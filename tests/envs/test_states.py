@@ -36,15 +36,14 @@ def test_an_environment_goes_back_to_a_state(env_id: str, options: dict[str, Any
     """And another one goes on from it, though its own episode has drawn another arm."""
     env, other = bare(env_id, 3, **options), bare(env_id, 4, **options)
     digest(env, 12)
-    state = env.get_state()
+    state, seen = env.get_state(), (env.simulator.single_observation.copy(), env._infos.read())
     expected = run(env, 11)
-    observation, info = env.set_state(state)
+    np.testing.assert_equal(env.set_state(state), seen)
     np.testing.assert_array_equal(env.get_state(), state)
-    np.testing.assert_equal(run(env, 11), expected)
-    env.set_state(state)
-    np.testing.assert_equal((env.simulator.single_observation, env._infos.read()), (observation, info))
-    np.testing.assert_equal(other.set_state(state), (observation, info))
+    np.testing.assert_equal(other.set_state(state), seen)
+    np.testing.assert_equal((other.simulator.single_observation, other._infos.read()), seen)
     assert other.episode == env.episode
+    np.testing.assert_equal(run(env, 11), expected)
     np.testing.assert_equal(run(other, 8), expected[:8])  # until it begins an episode of its own
     if "payload_changes" in options:
         assert {step[-1]["payload"] == 0.0 for step in expected[:8]} == {True, False}
