@@ -7,7 +7,6 @@ import pytest
 
 from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS, SCALAR
-from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import WAYPOINTS, Array, bare, vector
 from tests.support.plain import PlainEnvironment
@@ -87,6 +86,7 @@ def test_every_block_in_every_action_mode(mode: str) -> None:
         shows = (largest[part] > 0.0).all()  # a number that is always 0 would fit any sign
         zeros = "episode_parameters" if MODES[mode].law == "tip" else ("episode_parameters", "inner_gain")
         assert shows == (name not in zeros), name
+    assert BLOCKS["episode_parameters"].mirror == SCALAR
 
 
 @pytest.mark.parametrize("options", PATHS, ids=lambda each: "-".join(each))
@@ -107,13 +107,6 @@ def test_an_episode_from_another_state() -> None:
         shown, same, *_ = image.step(env.mirror_action(action))
         np.testing.assert_array_equal(shown, env.mirror_observation(seen))
         assert same == reward
-
-
-def test_each_block_declares_what_it_is() -> None:
-    scalars = {"lap_phase", "time", "reading_age", "inner_gain", "episode_parameters"}
-    assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == scalars
-    assert {name for sensor in FURTHER for name in sensor.blocks} <= set(blocks_of("torque"))
-    assert {name for name, block in BLOCKS.items() if block.mirror is None} == {"last_actions"}
 
 
 def test_the_maps_take_batches() -> None:
