@@ -1,6 +1,7 @@
 """Damaged files: they are refused by their names, or what is read is what was written, to the last bit."""
 
 import json
+import re
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -219,6 +220,16 @@ def test_any_byte_may_be_damaged(kind: str) -> None:
         share = place / count
         for damage in (Damage(kind, [(share, 0x01)]), Damage(kind, [(share, 0xFF)]), Damage(kind, cut=share)):
             outcome(damage)
+
+
+@pytest.mark.parametrize("place", [b"0.5", b'"rms"'])
+def test_a_changed_figure_of_a_cell_is_refused(place: bytes) -> None:
+    content = good_content("cell of the board")
+    path = _folder() / KINDS["cell of the board"].name
+    at = content.rindex(place)  # of the result: settings are the reader's to see, the hash in the name holds them
+    path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    with pytest.raises(ValueError, match=re.escape(f"{path}: ")):
+        _read_cell(path)
 
 
 def _same(one: Any, other: Any) -> bool:
