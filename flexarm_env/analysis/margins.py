@@ -39,7 +39,7 @@ class GainMargin:
     """How far lambda may be changed, as factors.
 
     Attributes:
-        stable: whether the loop is stable as it is; if not, both factors are nan.
+        stable: whether the loop is stable as it is (`is_stable`); if not, both factors are nan.
         up: the smallest factor >= 1 that makes it unstable; inf: none does.
         down: the largest factor <= 1 that makes it unstable; 0: none does.
         omega_up: frequency at which a root crosses there [rad/s]; nan where none does.
@@ -81,7 +81,7 @@ def delay_margin(loop: LawLoop) -> DelayMargin:
 def is_stable(loop: LawLoop) -> bool:
     """Return whether the loop is stable with its delay; a loop that needs a delay to be stable counts as unstable.
 
-    Sufficient, and necessary up to stable islands at longer delays.
+    Sufficient, and necessary up to stable islands at longer delays: `delay_roots` shows these.
     """
     instance("loop", loop, LawLoop)
     return loop.delay < delay_margin(loop).delay
@@ -104,7 +104,7 @@ def gain_margin(loop: LawLoop, known: DelayMargin | None = None) -> GainMargin:
 
 
 def stable_gains(loop: LawLoop) -> list[GainInterval]:
-    """Return the intervals of lambda in which the loop is stable at its delay.
+    """Return the intervals of lambda in which the loop is stable at its delay (`is_stable`).
 
     Roots that cross to the right count +1, to the left -1; only the intervals with the smallest count can be stable,
     and one of them is checked for all.

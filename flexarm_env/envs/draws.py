@@ -56,7 +56,7 @@ class Draws:
     Attributes:
         further: columns of the reset requests that hold options and parameters of the arm, by name.
         first: first column of these.
-        columns: of a reset request.
+        columns: how many a reset request has.
         rows: names of the arena's rows that follow from these.
     """
 

@@ -47,7 +47,7 @@ class Sensor:
     link's root; None: the tip), ``<name>_delay``, and those that `options` names, with a value for each part.
 
     Attributes:
-        name: that its options begin with.
+        name: with which the names of its options begin.
         words: what it is called, with its article.
         reads: what a policy learns from it, a name in `blocks.INFORMATION`.
         quantity: what it measures (`sensing.QUANTITIES_AT_A_POINT`).

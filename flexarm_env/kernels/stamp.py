@@ -50,7 +50,7 @@ def check_stamp(what: str, found: str | None, present: str) -> None:
     """Refuse saved memory of another layout.
 
     Args:
-        what: was saved, as the message names it.
+        what: name of what was saved, for the message.
         found: stamp that was saved with it; None: it has none.
         present: stamp of this version.
 

@@ -73,9 +73,9 @@ def read(
     Args:
         path: path of the file.
         version: version of the format.
-        what: is in the file, for the message, e.g. "Trajectory".
+        what: name of what is in the file, for messages, e.g. "Trajectory".
         check: refuses, by any error, a head and arrays that do not fit it; called before the arrays are read.
-        make: that from the head and the arrays.
+        make: makes the result from the head and the arrays.
 
     Raises:
         FileNotFoundError: if there is none.
