@@ -39,7 +39,7 @@ class NaturalModes:
 def natural_modes(point: OperatingPoint, joints: Joints = "free") -> NaturalModes:
     """Return the natural frequencies, damping ratios and shapes about an equilibrium.
 
-    The frequencies with locked joints are the magnitudes of the joint angles' zeros.
+    The frequencies with locked joints are the magnitudes of the joint angles' zeros, those of the undamped arm.
 
     Args:
         point: an equilibrium: at rest, straight links, no torque.
