@@ -4,10 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, KroghInterpolator
 
 from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
@@ -91,50 +89,41 @@ def test_torque_rates_add_up(kernels: str) -> None:
         np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
 
 
-def shifts_of(env: FlexArmEnv, actions: Array) -> list[tuple[Array, Array]]:
-    """Residual torque, or shift of the joints' reference, as polynomials of the time within each period."""
-    period = env.control_period
-    if env.settings.action_mode == "residual":
-        return [(TORQUE_LIMITS * a, np.zeros((2, 2))) for a in actions]
-    shifts = np.vstack([np.zeros((1, 2)), np.array(env.settings.shift_limit) * actions])
-    return [(np.zeros(2), np.array([a, (b - a) / period])) for a, b in zip(shifts[:-1], shifts[1:], strict=True)]
-
-
 def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tuple[Array, Array]:
     """States and first torques by an adaptive integrator.
 
-    The joint angles of the rigid arm on the path are fitted by a polynomial in each period on its own, so that corners
-    between the periods stay sharp. The law's reference is the cubic with the same angles and rates at the period's
-    ends, off by 2e-6 rad at most.
+    The law's reference is, in each period, the cubic that has the joint angles and rates of the rigid arm on the path
+    at the period's ends: off by 2e-6 rad at most. Corners lie between periods.
     """
     settings, arm, path = env.settings, env.arm, square(SquareParameters())
     period = env.control_period
+    ends, nodes = [0.0, period], np.linspace(0.0, period, 9)
     stiffness, resistance = np.array(settings.inner_stiffness), np.array(settings.inner_damping)
     limit = np.array(settings.torque_limit or TORQUE_LIMITS)
+    moves = settings.action_mode == "reference"  # else actions are torques
+    shifts = np.vstack([np.zeros((1, 2)), moves * np.array(settings.shift_limit) * actions])
     states, torques = [start], []
-    for k, (residual, shift) in enumerate(shifts_of(env, actions)):
-        nodes = np.linspace(0.0, period, 9)
-        angles = [inverse_kinematics(arm.parameters, path.position(time + k * period + u), "positive") for u in nodes]
-        fits = [Chebyshev.fit(nodes, np.unwrap(np.array(angles)[:, j]), 6).convert(kind=Polynomial) for j in (0, 1)]
-        ends = np.array([0.0, period])
-        cubics = [CubicHermiteSpline(ends, fit(ends), fit.deriv()(ends)) for fit in fits]
-        assert max(np.abs(fit(nodes) - cubic(nodes)).max() for fit, cubic in zip(fits, cubics, strict=True)) < 2e-6
-        fits = [Polynomial(cubic.c[::-1, 0]) + Polynomial(shift[:, j]) for j, cubic in enumerate(cubics)]
-        turn = 2.0 * np.pi * np.round((states[-1][0] - fits[0](0.0)) / (2.0 * np.pi))
+    for k, residual in enumerate((not moves) * TORQUE_LIMITS * actions):
+        places = path.position(time + k * period + nodes)
+        angles = np.unwrap([inverse_kinematics(arm.parameters, at, "positive") for at in places], axis=0)
+        exact = KroghInterpolator(nodes, angles)
+        aim = CubicHermiteSpline(ends, exact(ends), exact.derivative(ends))
+        assert np.abs(aim(nodes) - angles).max() < 2e-6
+        turn = 2.0 * np.pi * np.round((states[-1][0] - angles[0, 0]) / (2.0 * np.pi))
+        offset, slope = shifts[k] + (turn, 0.0), (shifts[k + 1] - shifts[k]) / period
 
         def torque(
-            u: float, state: Array, fits: Any = fits, turn: float = turn, residual: Array = residual
-        ) -> NDArray[Any]:
-            angle = np.array([fits[0](u) + turn, fits[1](u)])
-            rate = np.array([fit.deriv()(u) for fit in fits])
-            wanted = residual + stiffness * (angle - state[:2]) + resistance * (rate - state[arm.size : arm.size + 2])
+            u: float, state: Array, aim: Any = aim, offset: Array = offset, slope: Array = slope, more: Array = residual
+        ) -> Array:
+            wanted = more + stiffness * (aim(u) + offset + slope * u - state[:2])
+            wanted += resistance * (aim(u, 1) + slope - state[arm.size : arm.size + 2])
             return np.clip(wanted, -limit, limit)
 
-        def slope(u: float, state: Array, torque: Any = torque) -> NDArray[Any]:
+        def rate(u: float, state: Array, torque: Any = torque) -> Array:
             return np.concatenate([state[arm.size :], arm.acceleration(state, torque(u, state))])
 
         torques.append(torque(0.0, states[-1]))
-        found = solve_ivp(slope, (0.0, period), states[-1], rtol=1e-9, atol=1e-11)
+        found = solve_ivp(rate, (0.0, period), states[-1], rtol=1e-9, atol=1e-11)
         states.append(found.y[:, -1])
     return np.array(states), np.array(torques)
 

@@ -25,7 +25,7 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.metrics import elbow_changes
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
-from tests.support.envs import CALM, FREE, REACH, SQUARE, bare, make, vector
+from tests.support.envs import CALM, FREE, REACH, SQUARE, bare, make, played, vector
 from tests.support.refusals import refuses
 
 RANDOM_EPISODES = CALM | {"reference": ("square", "circle", "line")}
@@ -110,12 +110,12 @@ def test_changes_of_the_elbows_side_are_counted() -> None:
     env = bare(**FREE)
     state = np.zeros(12)
     state[[1, 7]] = 0.5, -10.0
-    infos = [env.reset(options={"state": state})[1], *(env.step(np.zeros(2))[4] for _ in range(20))]
-    states, sides, changes = (np.array([i[name] for i in infos]) for name in ("state", "elbow_side", "elbow_changes"))
+    _, infos = played(env, np.zeros((20, 2)), state=state)
+    angles, sides, changes = infos["state"][:, 1], infos["elbow_side"], infos["elbow_changes"]
     np.testing.assert_array_equal(changes, np.cumsum([0.0, *(np.diff(sides) != 0.0)]))
     assert changes[-1] == 1.0
-    bent = np.abs(states[:, 1]) > 1.001 * STRAIGHT
-    np.testing.assert_array_equal(sides[bent], np.sign(states[bent, 1]))
+    bent = np.abs(angles) > 1.001 * STRAIGHT
+    np.testing.assert_array_equal(sides[bent], np.sign(angles[bent]))
     begun = env.reset(options={"state": -state})[1]
     assert (begun["elbow_side"], begun["elbow_changes"]) == (-1.0, 0.0)
 

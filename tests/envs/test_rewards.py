@@ -10,7 +10,7 @@ from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import OF_RACES, TERMS
 from flexarm_env.parameters import CLAMPED_ONE_PERCENT
-from tests.support.envs import FREE, GAIN, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
+from tests.support.envs import FREE, GAIN, PAPER, RESIDUAL, SQUARE, bare, make, played, terms_of
 
 WEIGHTS = {"tracking_wide": 0.5, "tracking_middle": 2.0, "effort": 0.25, "vibration": 3.0, "action_change": 0.125}
 
@@ -163,7 +163,8 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, requested: dict[str, flo
     ranges = {"payload_mass": (0.1, 0.5), "stiffness": (0.8, 1.3), "damping": (0.0, 0.05)}
     options = {"start": "corner", "elbow_branch": "positive", "physics_step": 5e-4, **FREE}
     env = bare(env_id, randomisation=ranges, **options)
-    env.reset(seed=3, options={"parameters": requested})
+    actions = np.random.default_rng(1).uniform(-0.3, 0.3, (25, *env.action_space.shape))
+    found = played(env, actions, 3, parameters=requested)[1]["state"]
     drawn = env.episode.parameters
     assert all(drawn[name] == value for name, value in requested.items())
     made = {
@@ -173,10 +174,7 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, requested: dict[str, flo
     }
     twin = bare(env_id, arm={"preset": "linear"} | made, **options)
     assert env.settings.substeps == twin.settings.substeps
-    states = []
-    for action in np.random.default_rng(1).uniform(-0.3, 0.3, (25, *env.action_space.shape)):
-        states.append([each.step(action)[4]["state"] for each in (env, twin)])
-    found, expected = np.array(states).transpose(1, 0, 2)
+    expected = played(twin, actions)[1]["state"]
     scale = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0.0, atol=1e-9)
     nominal, own = (FlexibleArm(ArmParameters.linear(**arm)).acceleration(expected[-1]) for arm in ({}, made))
@@ -186,10 +184,9 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, requested: dict[str, flo
 def test_a_move_goes_there_and_back() -> None:
     """From rest to rest: a move, a rest, a move back, a rest."""
     env = make("FlexArm/Reach-v0", lap_time=2.0, **FREE)
-    first = env.reset(seed=0)[1]["reference"]
-    track = np.array([first, *(env.step(np.zeros(2))[4]["reference"] for _ in range(200))])
+    track = played(env, np.zeros((200, 2)))[1]["reference"]
     np.testing.assert_allclose(track[50:101], np.broadcast_to(track[50], (51, 2)), atol=1e-12)
-    np.testing.assert_allclose(track[150:], np.broadcast_to(first, (51, 2)), atol=1e-12)
+    np.testing.assert_allclose(track[150:], np.broadcast_to(track[0], (51, 2)), atol=1e-12)
     np.testing.assert_allclose(track[100:151], track[50::-1], atol=1e-9)
     steps = np.linalg.norm(np.diff(track[:51], axis=0), axis=1)
     assert max(steps[0], steps[-1]) < 0.01 * steps.max()
@@ -198,7 +195,7 @@ def test_a_move_goes_there_and_back() -> None:
 @pytest.mark.parametrize(("links", "ring"), [((4.5, 4.5), (0.35, 0.95)), ((2.7, 6.3), (0.43, 0.97))])
 def test_moves_end_within_their_ring(links: tuple[float, float], ring: tuple[float, float]) -> None:
     """Of the reach; unequal links leave a hole."""
-    env = bare("FlexArm/Reach-v0", lap_time=8.0, arm={"link_lengths": links}, start="corner", **FREE)
+    env = bare("FlexArm/Reach-v0", lap_time=1.0, arm={"link_lengths": links}, start="corner", **FREE)
     radii = []
     for seed in range(40):
         env.reset(seed=seed)

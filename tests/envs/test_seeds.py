@@ -52,12 +52,6 @@ def digest(env: Any, steps: int = 10) -> str:
     return bits.hexdigest()
 
 
-def elsewhere(code: str, *arguments: str) -> str:
-    """Run code with the names of this module in another process; return what it prints."""
-    names = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.envs.test_seeds import *"
-    return in_fresh_process(f"{names}; {code}", *arguments)
-
-
 def seeded(seed: int | None, env: gym.Env[Any, Any], steps: int = 10) -> str:
     return f"{env.reset(seed=seed)[0].tobytes().hex()} {digest(env, steps)}"
 
@@ -72,7 +66,8 @@ def test_another_process_repeats_seeds_and_goes_on_from_pickles_and_states(tmp_p
     (tmp_path / "env.pickle").write_bytes(data)
     np.save(tmp_path / "state.npy", state)
     cases = [(SQUARE, NOISY), (PAPER, CALM)]
-    found = elsewhere(
+    found = in_fresh_process(
+        f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.envs.test_seeds import *; "
         f"np.random.seed(1); print(*(seeded(7, make(name, **options)) for name, options in {cases!r}), "
         "digest(pickle.load(open(sys.argv[1] + '/env.pickle', 'rb'))), "
         "bare().set_state(np.load(sys.argv[1] + '/state.npy'))[1]['state'].tolist(), sep='\\n')",
