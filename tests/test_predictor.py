@@ -6,13 +6,11 @@ from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_env import run_policy
 from flexarm_env.actions import action_from_gain, action_from_physical, gain_from_action, physical_from_action
 from flexarm_env.predictor import predictor
 from tests.support.refusals import label, refused
@@ -100,21 +98,6 @@ test_other_forms_are_refused = refused(
     by=lambda policy: predictor(policy, deterministic=True),
     kind=TypeError,
 )
-
-
-def test_run_policy_takes_every_form() -> None:
-    """No torque, said in three ways, ends in the same way."""
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
-
-    forms = (policy_of(lambda observation: np.zeros(2)), policy_of(lambda *arguments: (np.zeros(2), None)))
-    runs = [run_policy(env, policy, seed=0) for policy in (*forms, lambda observation: (0.0, 0.0))]
-    assert runs[0].notes == {"ended": "error"}
-    for run in runs[1:]:
-        np.testing.assert_array_equal(run.state, runs[0].state)
-    with pytest.raises(ValueError, match=r"action: must have shape \(2,\)"):
-        run_policy(env, lambda observation: 0.0, seed=0)
-    with pytest.raises(TypeError, match="policy = 7"):
-        run_policy(env, 7)
 
 
 # --- the map between actions and gains -------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents import NetworkPolicy, load_policy
-from flexarm_baselines.optimal.plan import Plan, load_plan
+from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
 from tests.codegen.conftest import Trap
@@ -60,12 +60,12 @@ def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes
     return stream.getvalue() + content
 
 
-def with_entry(path: Path, name: str, content: bytes, **options: Any) -> Path:
+def with_entry(path: Path, name: str, content: bytes) -> Path:
     """Write a policy's file with an entry of any bytes in place of its own."""
     policy_file(path)
     with zipfile.ZipFile(path) as file:
         entries = {one: file.read(one) for one in file.namelist()}
-    with zipfile.ZipFile(path, "w", **options) as file:
+    with zipfile.ZipFile(path, "w") as file:
         for one, own in (entries | {name: content}).items():
             file.writestr(one, own)
     return path
@@ -76,9 +76,9 @@ def configured(path: Path, **changes: Any) -> Path:
 
 
 def deflated(path: Path) -> Path:
-    """Write a good file anew, in which long runs of zeros take a thousandth."""
+    """Write a good file anew, in which 32 MiB of zeros take a thousandth."""
     with np.load(path) as file:
-        np.savez_compressed(path, **file)
+        np.savez_compressed(path, **(dict(file) | {"weight_0": np.zeros((2**21, 4), np.float32)}))
     return path
 
 
@@ -90,24 +90,6 @@ def overlapping(path: Path) -> Path:
             again = copy.copy(info)
             again.filename = f"{n}-{info.filename}"
             file.filelist.append(again)
-    return path
-
-
-def more(kept: Any, path: Path) -> Path:
-    """Save something with an array that it does not know."""
-    kept.save(path)
-    with np.load(path) as file:
-        return saved(path, **file, junk=np.zeros(3))
-
-
-def bomb(kept: Any, path: Path, name: str) -> Path:
-    """Save something, one of whose arrays is 32 MiB of zeros, compressed."""
-    kept.save(path)
-    with zipfile.ZipFile(path) as file:
-        head = file.read("head.npy")
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("head.npy", head)
-        file.writestr(f"{name}.npy", raw_entry((2**21, 2), "<f8", bytes(2**25)))
     return path
 
 
@@ -136,7 +118,6 @@ test_policies_of_strangers = refused(
     (lambda p: saved(p, head="[" * 100_000), r"not a saved policy \("),
     (lambda p: saved(p, head="x" * 1_000_001), "not a text of at most 1000000 char"),
     (lambda p: with_entry(p, "head.npy", raw_entry((), "|S2", b"{}")), "not a text of at most"),
-    (lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "' is compressed; must be"),
     (lambda p: with_entry(p, "weight_0.npy", b"1 2 3"), r"not a saved policy \("),
     (lambda p: policy_file(p, weight_0=np.float32(1.0)), r"biases\[0\]: must have shapes \(n, k\) and \(n,\), got"),
     (lambda p: policy_file(p, bias_0=np.zeros(2)), "bias_0: must hold float32, got float64"),
@@ -165,20 +146,16 @@ test_runs_of_strangers = refused(
     (lambda p: run_file(p, {"notes": None}), "notes = None: must be a mapping"),
     (lambda p: run_file(p, {"parameters": [1]}), r"parameters = \[1\]: must be a mapping"),
     (lambda p: run_file(p, {"parameters": {"modes_per_link": 99}}), "modes_per_link = 99: must be an integer"),
-    (lambda p: p.write_bytes(b"time, x, y"), r"not a saved Trajectory \("),
     (lambda p: p.write_bytes(b"\x93NUMPY" + bytes(200)), r"not a saved Trajectory \(File is not a zip file\)"),
-    (lambda p: p.write_bytes(run_file(p).read_bytes()[:100]), r"not a saved Trajectory \("),
     (lambda p: saved(p, time=np.zeros(3)), r"not a saved Trajectory \(no entry 'head'\)"),
     (lambda p: saved(p, head='{"format": 99}'), "format 99; this version reads 1"),
     (lambda p: saved(p, head="[1]"), r"not a saved Trajectory \(the entry 'head' is not a JSON object\)"),
     (lambda p: saved(p, head='{"format": 1}'), r"not a saved Trajectory \(no entry 'parameters'\)"),
     (lambda p: saved(p, head='{"format": 1, "parameters": {}, "notes": {}}'), "time: must be an array, and is missing"),
-    (lambda p: bomb(run(), p, "time"), "' is compressed; must be"),
     by=partial(loaded, load=Trajectory.load),
 )
 test_plans_of_strangers = refused(
-    (lambda p: bomb(load_plan("linear_swing"), p, "torques"), "' is compressed; must be"),
-    (lambda p: more(load_plan("linear_swing"), p), "'junk': no such array; a Plan has states, torques, refer"),
+    (lambda p: saved(p, **np.load(PLANS / "linear_swing.npz"), junk=np.zeros(3)), "'junk': no such array; a Plan has"),
     by=partial(loaded, load=Plan.load),
 )
 
