@@ -70,14 +70,14 @@ def _link(h: float, rigidity: float, density: float, angle: float, elements: int
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[-sin, cos, 0.0], [0.0, 0.0, h], [cos, sin, 0.0]])  # to across, turn times h, along
     to_local = block_diag(turn, turn)[[0, 1, 3, 4, 2, 5]]
-    local_mass = density * h * block_diag(ACROSS, _ALONG)
-    local_stiffness = rigidity / h**3 * block_diag(BENDING, np.zeros((2, 2)))
+    own_mass = to_local.T @ (density * h * block_diag(ACROSS, _ALONG)) @ to_local
+    own_stiffness = to_local.T @ (rigidity / h**3 * block_diag(BENDING, np.zeros((2, 2)))) @ to_local
     n = 3 * elements + 3
     mass, stiffness, conditions = np.zeros((n, n)), np.zeros((n, n)), np.zeros((elements, n))
     for e in range(elements):
         at = slice(3 * e, 3 * e + 6)
-        mass[at, at] += to_local.T @ local_mass @ to_local
-        stiffness[at, at] += to_local.T @ local_stiffness @ to_local
+        mass[at, at] += own_mass
+        stiffness[at, at] += own_stiffness
         conditions[e, at] = to_local[5] - to_local[4]
     return mass, stiffness, conditions
 

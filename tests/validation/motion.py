@@ -156,6 +156,15 @@ def model_motion(programme: Programme, model: Model, angle: float = MODEL_ANGLE)
     return Motion(run.tip, run.state[:, :2], run.tip_deflection)
 
 
+def bent_state(arm: FlexibleArm, tips: tuple[float, float] = (0, 0), rates: tuple[float, float] = (0, 0)) -> Array:
+    """Elbow at 1 rad, tips bent by so much in the first shape [m], joints turning [rad/s]. Shape (4 + 4 m,)."""
+    m, n = arm.parameters.modes_per_link, arm.size
+    state = np.zeros(2 * n)
+    state[1], state[n : n + 2] = 1.0, rates
+    state[[2, 2 + m]] = np.divide(tips, [link.tip_values[0] for link in arm.modes])
+    return state
+
+
 def bent_by(arm: FlexibleArm, joints: Array, force: Array) -> Array:
     """Return a model's coordinates bent by a force [N] at the tip, joints held: K q = J' F. Shape (2 + 2 m,)."""
     stiffness = np.concatenate([link.stiffness for link in arm.modes])

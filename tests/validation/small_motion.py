@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +70,7 @@ def rayleigh_and_ritz(least: str, cases: Callable[[], Iterable[Case]], rounding:
     )
 
 
+@cache
 def with_shapes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:
     """Make the same arm, undamped, in so many shapes a link."""
     return FlexibleArm(replace(parameters, modes_per_link=modes, damping_ratio=0.0, mode_shapes=basis))
@@ -76,13 +78,19 @@ def with_shapes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> Fle
 
 def frequencies(arm: FlexibleArm, theta2: float, moving: Sequence[int], zeros: int) -> Array:
     """Return the lowest `COUNT` frequencies above `zeros` at 0 [rad/s]; all that does not move is held."""
-    n, state = arm.size, np.zeros(2 * arm.size)
-    state[1] = theta2
-    mass = arm.mass_matrix(state[:n])
-    stiffness = -mass @ arm.linearise(state).A[n:, :n]
+    mass, stiffness = _at_rest(arm, theta2)
     free = np.ix_(moving, moving)
     squares = eigh(0.5 * (stiffness + stiffness.T)[free], mass[free], eigvals_only=True)
     return np.sqrt(squares[zeros : zeros + COUNT])
+
+
+@cache
+def _at_rest(arm: FlexibleArm, theta2: float) -> tuple[Array, Array]:
+    """Mass and stiffness of the straight arm."""
+    n, state = arm.size, np.zeros(2 * arm.size)
+    state[1] = theta2
+    mass = arm.mass_matrix(state[:n])
+    return mass, -mass @ arm.linearise(state).A[n:, :n]
 
 
 def rate(sizes: ArrayLike, errors: ArrayLike) -> float:

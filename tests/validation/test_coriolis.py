@@ -16,7 +16,7 @@ from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
 from scripts.common.plotting import COLOURS, INK, ORANGE, SOFT, WIDTH
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.motion import Array
+from tests.validation.motion import Array, bent_state
 from tests.validation.small_motion import rate
 from tests.validation.test_drift import loss_bound
 
@@ -25,7 +25,6 @@ pytestmark = pytest.mark.validation
 PULSE, TIME = 0.2, 1.0  # each half of the doublet, the whole run [s]
 STEP, SUBSTEPS = 1e-3, 4
 ENDED = round(2.0 * PULSE / STEP) + 1  # instants until the torque ends
-ELBOW = 1.0  # theta2 at the start [rad]
 AMPLITUDES = (0.045, 0.14, 0.45, 1.4, 4.5, 14.0, 45.0)  # [N m]
 SMALL = AMPLITUDES[:3]  # where second order is to be seen
 
@@ -70,13 +69,11 @@ def pairs() -> dict[float, Pair]:
 def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
     """Run a torque of +amplitude, then -amplitude, on the shoulder of the paper's arm at rest, while it is sensible."""
     arm = FlexibleArm(ArmParameters.paper(velocity_forces=forces))
-    state = np.zeros(2 * arm.size)
-    state[1] = ELBOW
     torque = np.zeros((round(TIME / STEP), 2))
     half = round(PULSE / STEP)
     torque[:half, 0], torque[half : 2 * half, 0] = amplitude, -amplitude
     try:
-        run = arm.simulate(state, torque, TIME, STEP, SUBSTEPS)
+        run = arm.simulate(bent_state(arm), torque, TIME, STEP, SUBSTEPS)
     except DivergenceError as error:
         run = error.trajectory
     # cut where a link's tip is off its root tangent by more than both links are long

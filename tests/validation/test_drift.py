@@ -15,7 +15,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from scripts.common.plotting import COLOURS, SOFT, WIDTH, number_ticks
 from tests.validation.conftest import Check, Page, checked
 from tests.validation.kept import kept
-from tests.validation.motion import Array, Model
+from tests.validation.motion import Array, Model, bent_state
 from tests.validation.small_motion import rate
 
 pytestmark = [pytest.mark.validation, pytest.mark.slow]
@@ -76,15 +76,8 @@ def drift(case: Case) -> Drift:
 
 
 def start_state(arm: FlexibleArm, start: str) -> Array:
-    """Elbow at 1 rad; tips bent by 0.3 and -0.2 m in the first shape; joints turning at 1 and -0.7 rad/s."""
-    m, n = arm.parameters.modes_per_link, arm.size
-    state = np.zeros(2 * n)
-    state[1] = 1.0
-    if "bent" in start:
-        state[2], state[2 + m] = 0.3 / arm.modes[0].tip_values[0], -0.2 / arm.modes[1].tip_values[0]
-    if "spinning" in start:
-        state[n : n + 2] = 1.0, -0.7
-    return state
+    tips = (0.3, -0.2) if "bent" in start else (0.0, 0.0)
+    return bent_state(arm, tips, (1.0, -0.7) if "spinning" in start else (0.0, 0.0))
 
 
 def loss_bound(arm: FlexibleArm, step: float, duration: float) -> float:

@@ -22,7 +22,7 @@ from flexarm_env.parameters import Kinematics
 from scripts.common.plotting import COLOURS, INK, SOFT, WIDTH, number_ticks
 from tests.support.loops import resting_at
 from tests.validation.conftest import Check, Page, checked
-from tests.validation.motion import Array
+from tests.validation.motion import Array, bent_state
 from tests.validation.small_motion import rate
 
 pytestmark = pytest.mark.validation
@@ -34,6 +34,7 @@ CORNER = np.array([-6.3, -6.3])
 PERIOD = 1e-3  # [s] control period of `FlexArm/Paper-v0`; all runs are compared at its instants
 LAW = LawParameters()
 DELAY = 4e-3  # [s]; a whole number of every step, so that no jump falls within one
+bent = partial(bent_state, tips=(0.2, -0.1), rates=(0.5, -0.5))  # where runs of the linear arm begin
 SOFT_GAIN, STIFF_GAIN = 0.02, 1.0  # gains lambda: fastest poles near -220 /s and -11 000 /s
 
 
@@ -105,15 +106,6 @@ def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> 
 def worst(found: Array, expected: Array) -> float:
     """Largest error of any entry of the state over its range."""
     return float((np.abs(found - expected).max(axis=0) / np.ptp(expected, axis=0)).max())
-
-
-def bent(arm: FlexibleArm) -> Array:
-    """Elbow at 1 rad, both links bent in their first mode, joints turning. Shape (4 + 4 m,)."""
-    m, n = arm.parameters.modes_per_link, arm.size
-    state = np.zeros(2 * n)
-    state[[1, 2, 2 + m]] = 1.0, 0.2 / arm.modes[0].tip_values[0], -0.1 / arm.modes[1].tip_values[0]
-    state[n : n + 2] = 0.5, -0.5
-    return state
 
 
 def driven(arm: FlexibleArm, torque: Torque) -> Callable[[float, Array], Array]:
