@@ -69,7 +69,6 @@ WRONG = [  # status 2, and what the last line says after the verb and "error: "
     ("evaluate --policy square --sweep noise --shipped", "--shipped: cannot go with --sweep"),
     ("leaderboard --submitit {", "argument --submitit: {: not JSON"),
     ("render ifdc --save x.txt", "--save: must end in .npz, got "),
-    ("render ifdc --vec-normalize none", "--vec-normalize: there is no zip file"),
     ("render ifdc --stable-baselines3 PPO", "--stable-baselines3: there is no zip file"),
     ("train --batch 7", "batch = 7: must divide"),
     ('train --options {"noize":1}', "Settings.__init__() got an unexpected keyword argument 'noize'; did you mean 'no"),

@@ -34,15 +34,15 @@ TRIED = {name: values for name, values in TINIES.items() if name not in CONTAINE
 CASES = {"ppo": TINY, **TRIED, "dagger": TAUGHT, "fopg": DESCENDED}
 # Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
 # also while its actions are still drawn at random.
-BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (900,), "fopg": (100, 160, 175)}
+BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (450,), "fopg": (100, 160, 175)}
 SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
     ("ppo", signal.SIGINT, 15, 128),
     ("ppo", signal.SIGTERM, 75, 384),
     ("tqc", signal.SIGTERM, 75, 304),
-    ("dagger", signal.SIGTERM, 500, 3200),
+    ("dagger", signal.SIGTERM, 250, 1600),
     ("fopg", signal.SIGTERM, 50, 64),
 ]
-STEPS = {"dagger": [1600, 3200, 4800], "fopg": [64, 128, 192, 256]}
+STEPS = {"dagger": [800, 1600, 2400], "fopg": [64, 128, 192, 256]}
 ENCODERS = {"recurrent curriculum": Lstm, "observer": Observer, "dagger": PastReadings, "privileged": PastReadings}
 LEFT = {
     "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "laps.png",

@@ -31,10 +31,8 @@ class Proposes:
     def __init__(self, action: Any = PUSH) -> None:
         self.action = action
 
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> Any:
-        age = np.zeros(len(observation)) if state is None else np.where(episode_start, 0.0, state[0])
+    def predict(self, observation: Any, state: Any = None, begins: Any = None) -> Any:
+        age = np.zeros(len(observation)) if state is None else np.where(begins, 0.0, state[0])
         return np.broadcast_to(self.action, (len(observation), 2)), (age + 1.0,)
 
 

@@ -177,9 +177,9 @@ def test_numpy_predicts_what_the_students_network_does(taught: Path) -> None:
 
 
 def test_seconds_of_teaching_follow_both_laps(taught: Path, tmp_path: Path) -> None:
-    """A training for real, though a small one, up to the first corner: the student then keeps to all of them.
+    """A small training, up to the first corner: after one round the student is lost at once, then it keeps to all.
 
-    After one round it loses the path at once. Three seeds erred by 0.06 m at most after the third.
+    Three seeds erred by 0.06 m at most after the third round.
     """
     sizes = {"arms": 8, "rounds": 3, "updates": 200, "batch": 256, "hidden": [64, 64]}
     config = config_of(

@@ -139,11 +139,7 @@ def mean_return(policy: Any) -> float:
 
 
 def test_a_small_agent_learns(tmp_path: Path) -> None:
-    """It earns one and a half times what motors at rest earn.
-
-    Three seeds earned 2.3 to 3.7 times as much. Another processor rounds otherwise, which makes of a training another
-    draw.
-    """
+    """Three seeds earned 2.3 to 3.7 times what motors at rest earn; another processor's rounding is another draw."""
     sizes: dict[str, Any] = {"envs": 8, "rollout": 256, "batch": 512, "hidden": (64, 64), "episode_steps": 150}
     train(PPOConfig(seed=1, steps=50_000, evaluate_every=50_000, learning_rate=2e-3, **sizes), tmp_path / "run")
     last = load_policy(tmp_path / "run", last=True).policy

@@ -86,12 +86,7 @@ def files() -> set[str]:
 
 
 def wrong(reference: str, local: set[str]) -> bool:
-    """Whether a reference looks like one of ours and leads nowhere.
-
-    Args:
-        reference: without its quotes.
-        local: words that the source file itself uses; none in a page.
-    """
+    """Whether a reference looks like one of ours and leads nowhere; `local`: words of the source, none of a page."""
     if re.fullmatch(r"[\w/]+\.(py|toml)|[\w/]+/\w+\.md", reference):
         return reference not in files()
     if re.fullmatch(r"[a-z_]\w*", reference):

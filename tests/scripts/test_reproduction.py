@@ -121,11 +121,8 @@ def test_claims_of_one_side_are_decided_where_the_elbow_keeps_it(results: Path) 
 
 
 def test_part_of_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A subset with other options; claims need all cases and are not decided. An old result is replaced whole.
-
-    In one column: no other test compiles the kernels of "complete" and "linear", and "branch" has that of "paper".
-    """
-    for column in ("complete", "linear", "branch"):
+    """A subset with other options; claims need all cases and are not decided. An old result is replaced whole."""
+    for column in ("complete", "linear", "branch"):  # whose kernels no other test compiles, or which "paper" has too
         monkeypatch.delitem(pipeline.COLUMNS, column)
     output = tmp_path / "part"
     output.mkdir()

@@ -123,7 +123,7 @@ def _drawn_in_one_folder(draw: Callable[..., None]) -> Callable[..., None]:
 
 
 @contextmanager
-def short_rollouts(periods: int = 400) -> Iterator[None]:
+def short_rollouts(periods: int = 200) -> Iterator[None]:
     """Let the rollouts of a teaching along the standard laps end after so many control periods, not after a lap."""
     made = Teacher.__init__
 
