@@ -78,12 +78,17 @@ def test_plans_are_kept_and_those_of_another_weight_refused(taught: Path) -> Non
 
 OTHER_TASKS = {"action_mode": "residual", "reference": "circle", "direction": "either", "control_period": 0.02}
 OTHER_TASKS |= {"side": 10.0, "lap_time": 20.0, "start_corner": "upper left", "torque_limit": (200.0, 80.0)}
+CASES = [
+    *(("Square", name, value) for name, value in OTHER_TASKS.items()),
+    ("Carry", "motor_time_constant", (0.01, 0.01)),
+]
 
 
-@pytest.mark.parametrize("name", OTHER_TASKS)
-def test_other_tasks_are_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("task", "name", "value"), CASES)
+def test_other_tasks_are_refused(tmp_path: Path, task: str, name: str, value: Any) -> None:
+    config = DAggerConfig(environment=f"FlexArm/{task}-v0")
     with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
-        Teacher.of(DAggerConfig(), Settings.of({name: OTHER_TASKS[name]}), tmp_path)
+        Teacher.of(config, settings_of(config.environment, {name: value}), tmp_path)
 
 
 def test_plans_are_for_the_environments_own_corners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,12 +121,6 @@ def test_the_teacher_carries_loads_between_those_of_its_plans() -> None:
         *_, infos = env.step(actions)
         assert np.linalg.norm(infos["true_tip"] - infos["reference"][:, :2], axis=1).max() < 0.005, period
     env.close()
-
-
-def test_loads_are_not_taught_with_late_motors() -> None:
-    settings = settings_of("FlexArm/Carry-v0", {"motor_time_constant": (0.01, 0.01)})
-    with refuses(ValueError, "motor_time_constant = ", "the teacher has plans for"):
-        Teacher.of(DAggerConfig(environment="FlexArm/Carry-v0"), settings, Path())
 
 
 def test_a_curriculum_with_loads_is_planned_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

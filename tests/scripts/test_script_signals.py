@@ -29,8 +29,8 @@ pytestmark = [pytest.mark.skipif(os.name != "posix", reason="POSIX signals"), py
 SCRIPT = """
 import os, sys, time
 from pathlib import Path
+from flexarm_agents.jobs.executors import Processes
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
-from flexarm_agents.jobs.worker_pool import worker_pool
 from scripts.common.command_line import run
 from scripts.common.result_files import replacing
 
@@ -48,11 +48,10 @@ def training(folder):
 
 def main():
     job, stoppable = globals()[sys.argv[1]], bool(int(sys.argv[2]))
-    with replacing(Path("results"), "marker") as work, worker_pool(2, stoppable) as pool:
-        jobs = [pool.submit(job, Path("pids")) for _ in range(4)]
+    with replacing(Path("results"), "marker") as work:
         (work / "half").touch()
-        for one in jobs:
-            one.result()
+        for _, outcome in Processes(2).run(job, [Path("pids")] * 4, stoppable):
+            raise outcome
 
 if __name__ == "__main__":
     run(main)

@@ -1,17 +1,14 @@
 """Trainings with every setting and seed, reused where finished; the median is shipped with its files and tables."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from flexarm_agents import PPOConfig, StandardScore, config_of, load_policy, train
+from flexarm_agents import PPOConfig, StandardScore, config_of, load_policy
 from flexarm_agents.files import write_json
 from flexarm_agents.jobs.executors import _run_share
 from flexarm_agents.policies.load import POLICIES
@@ -20,9 +17,8 @@ from scripts.common.trainings import Training, trained
 from scripts.shipped import board
 from scripts.shipped.curves import keep_curves
 from scripts.shipped.trainings import export, median
-from tests.support.programs import ROOT
 from tests.support.refusals import refuses
-from tests.support.trainings import TINY, row, same_policy
+from tests.support.trainings import TINY, row
 
 
 def test_seeds_are_numbers_and_ranges() -> None:
@@ -51,8 +47,12 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
-    here = SimpleNamespace(run=lambda function, jobs, stoppable: reversed([*enumerate(_run_share(function, jobs))]))
-    monkeypatch.setattr(sweep, "executor", lambda *given: here)
+
+    def here(function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool) -> Iterator[tuple[int, Any]]:
+        assert stoppable
+        return reversed([*enumerate(_run_share(function, jobs))])
+
+    monkeypatch.setattr(sweep, "executor", lambda *given: SimpleNamespace(run=here))
     base = PPOConfig(**TINY | {"steps": 128})  # one rollout, one evaluation
     options = sweep.Options("0-1", tmp_path / "sweep.json", tmp_path / "out")
     monkeypatch.setattr(sweep, "read", lambda: (base, options))
@@ -71,36 +71,6 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     again = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
     assert again[0] == rows[0]
     assert [one["seed"] for one in again[1]["trainings"]] == [0]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
-@pytest.mark.usefixtures("signals")
-def test_a_signal_keeps_what_all_trainings_have(tmp_path: Path) -> None:
-    """Each finishes its rollout and keeps a checkpoint, though none is due; what goes on ends in the same bits."""
-    config = {name: value for name, value in TINY.items() if name != "options"}
-    config |= {"steps": 20_480, "evaluate_every": 5_120, "checkpoint_every": 10**6}
-    command = [sys.executable, "-m", "scripts.train", "--seeds", "0-1", "--jobs", "2", "--output", str(tmp_path)]
-    for name, value in config.items():
-        command += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, list) else [value])]
-    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
-        limit = time.monotonic() + 300.0
-        while len(list(tmp_path.glob("*/*/evaluations.csv"))) < 2 and time.monotonic() < limit:
-            time.sleep(0.05)
-        process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=120)
-    assert process.returncode == 128 + signal.SIGTERM, errors
-    assert "stopped by SIGTERM" in errors
-    folders = sorted(tmp_path.glob("*/seed-*"))
-    assert [(folder / "checkpoint.zip").exists() for folder in folders] == [True, True]
-    assert not list(tmp_path.glob("*/*/last_policy.npz"))
-    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
-    assert again.returncode == 0, again.stderr
-    train(PPOConfig(**config), tmp_path / "undisturbed")
-    assert same_policy(folders[0] / "last_policy.npz", tmp_path / "undisturbed" / "last_policy.npz")
-
-
-# --- scripts.shipped -------------------------------------------------------------------------------------------------
 
 
 def training(seed: int, rms: float | None) -> Training:
