@@ -1,8 +1,6 @@
 """The board: what episodes add up to."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,8 +11,9 @@ from scipy.stats import binom
 from flexarm_agents.board.columns import COLUMNS, Column, Point
 from flexarm_agents.board.summary import kept, lap_summary, loss, loss_interval, point_summary, quantile, whole_summary
 from flexarm_agents.board.terms import TASKS
-from flexarm_agents.commands import evaluate, sweep
+from flexarm_agents.commands import sweep
 from tests.support.boards import points
+from tests.support.shell import Shell
 
 
 def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> dict[str, Any]:
@@ -72,15 +71,11 @@ def test_the_interval_of_a_loss_rate_is_that_of_clopper_and_pearson(episodes: in
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_evaluate_sweeps_an_axis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_evaluate_sweeps_an_axis(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     tiny = {"noise": Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)}
     monkeypatch.setattr(sweep, "COLUMNS", tiny)
-    output = tmp_path / "swept.json"
-    evaluate.run(["--policy", "square", "--sweep", "noise", "--output", str(output)])
-    told = capsys.readouterr().out
-    (results,) = [one["results"] for one in json.loads(output.read_text())["rows"]]
+    told = flexarm("evaluate", "--policy", "square", "--sweep", "noise", "--output", "scores.json").stdout
+    (results,) = [one["results"] for one in flexarm.evaluation()["rows"]]
     for point in results:
         for one in point["episodes"]:
             assert f"{one['figures']['rms']:.3f}" in told

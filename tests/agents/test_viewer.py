@@ -20,10 +20,9 @@ from tests.support.refusals import refuses
 from tests.support.shell import Shell
 
 pygame = pytest.importorskip("pygame")
-pytestmark = pytest.mark.usefixtures("unseen")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let windows open on a display that nobody sees."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -37,7 +36,7 @@ def live() -> Iterator[LiveArm]:
 
 
 @pytest.fixture
-def viewer(live: LiveArm, unseen: None) -> Iterator[Viewer]:
+def viewer(live: LiveArm) -> Iterator[Viewer]:
     opened = Viewer(live)
     yield opened
     opened.window.close()
