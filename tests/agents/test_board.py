@@ -1,6 +1,5 @@
 """The board: what a cell depends on, that its bits are its own, and what rows add up to."""
 
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +12,16 @@ from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Point, phases
 from flexarm_agents.board.entries import Entry
-from flexarm_agents.board.episodes import LANES, observation_map, run_points
+from flexarm_agents.board.episodes import observation_map, run_points
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
 from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
 from flexarm_agents.environments import INTERFACE
 from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
-from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from tests.support.boards import SHORT, SMALL, points
-from tests.support.controllers import EACH_CONTROLLER
-from tests.support.envs import assert_same
 from tests.support.refusals import refuses
 
 AGENT = "square"
@@ -180,30 +176,6 @@ def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
     assert together == [run_points(row, [point])[0] for point in some]
     assert together[0] != together[1]
     assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == some[0].seeded(row.content)
-
-
-@pytest.mark.parametrize("name", EACH_CONTROLLER)
-def test_a_controllers_rows_are_independent_to_the_last_bit(name: str) -> None:
-    entry = Entry(name, environment=CONTROLLERS[name].environment)
-    policy, env = entry.candidate()[1:3]
-    start = "corners" if "race" in name else "moving"  # a race begins at rest
-    rows = np.stack([env.reset(seed=seed, options={"start": start})[0] for seed in range(LANES)])
-
-    def actions(some: slice) -> list[Any]:
-        memory, found = None, []
-        for _ in range(3):
-            given = memory, np.full(len(rows[some]), memory is None)
-            kept = deepcopy(given)
-            action, memory = policy.predict(rows[some], *given)
-            found.append(action)
-            assert_same(given, kept)  # what is given is left as it is
-        return found
-
-    assert entry.independent
-    together = np.array(actions(slice(None)))
-    assert np.ptp(together, axis=1).any() or name == "ifdc"  # whose gain is constant
-    for some in (slice(0, 1), slice(1, 4), slice(4, LANES)):
-        assert np.array_equal(actions(some), together[:, some])
 
 
 def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:

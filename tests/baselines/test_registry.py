@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
+from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.episodes import LANES
 from flexarm_agents.board.terms import SQUARE
 from flexarm_agents.environments import make_one
 from flexarm_agents.evaluation.candidates import Candidate, from_controller
@@ -19,7 +22,7 @@ from flexarm_env.envs.observation import readings_of
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
-from tests.support.controllers import EACH_CONTROLLER
+from tests.support.envs import assert_same
 
 ID = "flexarm_env:FlexArm/Square-v0"
 PUBLISHED = {"settings", "observation_blocks", "observation_scale", "gain_limit", "arm"}  # the same in every episode
@@ -47,18 +50,35 @@ class Door:
         return getattr(self._env, name, None) if name.startswith("single_") else getattr(self._env, name)
 
 
-@pytest.mark.parametrize("name", EACH_CONTROLLER)
-def test_a_controller_sees_published_numbers_and_its_observation(name: str) -> None:
-    env = gymnasium.make(ID, **controller(name).options)
+SLOW = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # are designed in many seconds
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in controller_names()])
+def test_a_controller_sees_published_numbers_and_observations_that_are_independent(name: str) -> None:
+    """A row of a batch has the bits that it has alone; what is given is left as it is."""
+    env = gymnasium.make(CONTROLLERS[name].environment, **controller(name).options)
     door = Door(env)
     policy = make_controller(name, door)
     door.close_door()
-    observation, _ = env.reset(seed=0, options={"start": "corner", "elbow_branch": "negative"})
-    state = None
-    for _ in range(3):
-        action, state = policy.predict(observation, state)
-        assert env.action_space.contains(action)
-        observation, *_ = env.step(action)
+    start = "corners" if "race" in name else "moving"  # a race begins at rest
+    rows = np.stack([env.reset(seed=seed, options={"start": start})[0] for seed in range(LANES)])
+
+    def actions(some: slice) -> list[Any]:
+        memory, found = None, []
+        for _ in range(3):
+            given = memory, np.full(len(rows[some]), memory is None)
+            kept = deepcopy(given)
+            action, memory = policy.predict(rows[some], *given)
+            found.append(action)
+            assert_same(given, kept)
+        return found
+
+    together = np.array(actions(slice(None)))
+    assert all(env.action_space.contains(action) for action in np.concatenate(together))
+    assert np.ptp(together, axis=1).any() or name == "ifdc"  # whose gain is constant
+    for some in (slice(0, 1), slice(1, 4), slice(4, LANES)):
+        assert np.array_equal(actions(some), together[:, some])
+    assert Entry(name).independent
 
 
 @pytest.mark.parametrize("name", controller_names())

@@ -33,7 +33,7 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def env(name: str) -> FlexArmEnv:
     made = gym.make(f"FlexArm/{name}").unwrapped
     assert isinstance(made, FlexArmEnv)
