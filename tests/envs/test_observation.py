@@ -65,7 +65,8 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
     options = {"elbow_branch": "positive", "last_actions": 3, "previews": (0.05, 0.33, 15.9)}
     options |= ALL | {"observation": [*EVERYWHERE, *["inner_gain"] * gains]}
     env = bare(env_id, frame=frame, scaled=scaled, start="moving", **options)
-    run = recorded(env, time=4.0 - 15.0 * env.control_period)
+    corner = 4.0 if frame == "world" else 16.0  # where a lap ends
+    run = recorded(env, time=corner - 15.0 * env.control_period)
     m = env.arm.parameters.modes_per_link
     theta, q = run.states[:, :2], run.states[:, : env.arm.size]
     path, now = square(SquareParameters()), run.times + 1e-9  # at a corner the side that begins there
