@@ -139,19 +139,6 @@ def test_the_present_joint_error_is_on_the_elbows_side() -> None:
         assert info["elbow_side"] == (0.0 if theta2 == -0.04 else np.sign(theta2))
 
 
-def test_paths_are_observed_alike() -> None:
-    """Reference and previews of a circle, whose table has many more sides, over the end of a lap."""
-    env = bare(reference="circle", start="corner", frame="world", **ALL)
-    run = recorded(env, time=15.8)
-    angle = np.arctan2(-1.0, -1.0) - 2.0 * np.pi * run.times / 16.0
-    point = 6.3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    np.testing.assert_allclose(run.block("reference_position"), point, atol=2e-5)  # a polygon of 1600 sides
-    later = angle - 2.0 * np.pi * 0.6 / 16.0
-    ahead = 6.3 * np.stack([np.cos(later), np.sin(later)], axis=1) - point
-    horizon = env.settings.previews.index(0.6)
-    np.testing.assert_allclose(run.block("previews")[:, 2 * horizon : 2 * horizon + 2], ahead, atol=4e-5)
-
-
 def motion_of_the_point(
     env: FlexArmEnv, options: dict[str, Any], run: Run, link: int = 2, place: float | None = None
 ) -> CubicHermiteSpline:
