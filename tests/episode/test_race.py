@@ -61,6 +61,10 @@ def test_the_reference_keeps_its_speed_on_curves(name: str, direction: str) -> N
     assert path.lap_time == pytest.approx(exact.get(name, path.lap_time), rel=1e-5)  # 1600 sides for a circle
     ways = np.linspace(0.0, path.lap_time, 501)[:-1]
     places = path.position(ways)
+    if name == "circle":
+        turned = (-1.0 if direction == "clockwise" else 1.0) * 2.0 * np.pi * ways / path.lap_time
+        angle = np.arctan2(-1.0, -1.0) + turned
+        np.testing.assert_allclose(places, 6.3 * np.column_stack([np.cos(angle), np.sin(angle)]), atol=2e-5)
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert (steps <= (ways[1] - ways[0]) * (1.0 + 1e-9)).all()
     assert np.median(steps) == pytest.approx(ways[1], rel=1e-3)
