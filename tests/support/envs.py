@@ -248,11 +248,7 @@ def exact_actions(steps: int, seed: int = 0, size: float = 1.0) -> Array:
 
 
 def played(env: Any, actions: Any, seed: int = 0, **options: Any) -> tuple[Array, dict[str, Array]]:
-    """Reset with options, and step while nothing ends.
-
-    Returns:
-        Observations and each value of the infos at all instants. Shape (steps + 1, k) each.
-    """
+    """Reset, and step while nothing ends; return observations and the infos' values. Shape (steps + 1, k) each."""
     rows = [env.reset(seed=seed, options=options)]
     for action in actions:
         observation, _, terminated, _, info = env.step(action)
