@@ -38,3 +38,16 @@ def test_the_chain_in_mujoco_has_the_frequencies_of_the_arm(name: str) -> None:
     modes = natural_modes(OperatingPoint.at_angles(FlexibleArm(arm), (0.0, 0.0)))
     found = chain.frequencies(chain.chain_model(20, arm))
     np.testing.assert_allclose(found[2:4], modes.frequencies[2:4], rtol=2e-3)
+
+
+def test_the_makers_spring_is_stiffer_than_a_beam() -> None:
+    """First frequency [Hz] with the shoulder held and the second stage rigid, of a massless beam off the axis [m]."""
+
+    def beam(offset: float, inertia: float) -> float:
+        length, rigidity, mass = 0.202, 2.69, 1.578
+        compliance = np.array([[length**3 / 3.0, length**2 / 2.0], [length**2 / 2.0, length]]) / rigidity
+        masses = np.diag([mass, inertia - mass * (offset + length) ** 2])
+        return float(1.0 / np.sqrt(np.linalg.eigvals(compliance @ masses).real.max()) / (2.0 * np.pi))
+
+    spring = np.sqrt(3.0 * 2.69 / 0.202 / 0.1704) / (2.0 * np.pi)
+    assert [spring, beam(0.0, 0.1704), beam(0.079, 0.1803)] == pytest.approx([2.44, 1.66, 2.15], abs=0.005)

@@ -11,7 +11,7 @@ from tests.support.trainings import TAUGHT, short_rollouts, without_pictures
 
 @pytest.fixture(scope="module", autouse=True)
 def no_pictures() -> Iterator[None]:
-    """Let trainings draw nothing; see `without_pictures`."""
+    """Let trainings draw in a folder `ppo` alone; see `without_pictures`."""
     with without_pictures():
         yield
 

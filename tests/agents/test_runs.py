@@ -32,8 +32,8 @@ from tests.support.trainings import DESCENDED, TAUGHT, TINIES, TINY, at_step, br
 CONTAINED = ("recurrent_ppo", "sac")  # others have each of these, and more
 TRIED = {name: values for name, values in TINIES.items() if name not in CONTAINED}
 CASES = {"ppo": TINY, **TRIED, "dagger": TAUGHT, "fopg": DESCENDED}
-# Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part; of TQC
-# also while its actions are still drawn at random.
+# Steps of the batch at which each is broken off: before its first checkpoint, between two, in the last part (a teaching
+# there alone; `SIGNALS` has its second); of TQC also while its actions are still drawn at random.
 BREAKS = {"ppo": (15, 100), "tqc": (70, 100), "dagger": (450,), "fopg": (100, 160, 175)}
 SIGNALS = [  # sent at a step of the batch, after which so many steps of the environments are kept
     ("ppo", signal.SIGINT, 15, 128),

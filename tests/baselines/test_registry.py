@@ -54,8 +54,8 @@ SLOW = ("lqg_adaptive", "lqg_adaptive_stamped", "race_lqg_adaptive")  # are desi
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in controller_names()])
-def test_a_controller_sees_published_numbers_and_observations_that_are_independent(name: str) -> None:
-    """A row of a batch has the bits that it has alone; what is given is left as it is."""
+def test_a_controller_reads_what_is_published_and_rows_are_independent(name: str) -> None:
+    """Once made, it reads observations alone; a row of a batch has the bits that it has alone; what is given stays."""
     env = gymnasium.make(CONTROLLERS[name].environment, **controller(name).options)
     door = Door(env)
     policy = make_controller(name, door)
@@ -78,6 +78,7 @@ def test_a_controller_sees_published_numbers_and_observations_that_are_independe
     assert np.ptp(together, axis=1).any() or name == "ifdc"  # whose gain is constant
     for some in (slice(0, 1), slice(1, 4), slice(4, LANES)):
         assert np.array_equal(actions(some), together[:, some])
+    assert np.array_equal(policy.predict(rows[0])[0], together[0, 0])
     assert Entry(name).independent
 
 

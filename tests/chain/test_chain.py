@@ -7,9 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.physics import sensing
 from flexarm_env.physics.damping import clamped_ratio, material_time
-from tests.support.envs import Array
 from tests.support.refusals import refused
 
 pytest.importorskip("mujoco", reason="MuJoCo is in the extra `chain`")
@@ -17,7 +15,6 @@ pytest.importorskip("mujoco", reason="MuJoCo is in the extra `chain`")
 import mujoco
 
 from flexarm_env.chain import model as chains
-from flexarm_env.chain.links import Chain
 from tests.validation.arms import EngineChain, Gauges, Modal
 from tests.validation.motion import bent_by
 
@@ -161,52 +158,3 @@ def test_gauges_read_back_the_state_of_a_model(shapes: Any) -> None:
     model = Modal(arm)
     model.state = np.random.default_rng(1).normal(size=2 * arm.size)
     np.testing.assert_allclose(Gauges(arm).state(model.bend()), model.state, rtol=1e-9, atol=1e-9)
-
-
-SEGMENTS, STEP, PERIOD, RUN = 10, 5e-5, 0.02, 0.4  # [s]
-SENSORS = '<sensor><accelerometer site="tip"/><gyro site="tip"/></sensor></mujoco>'
-
-
-def torque(time: float) -> Array:
-    """Return a pulse of the motors [N m]. Shape (2,)."""
-    return np.array([60.0, -15.0]) * np.sin(np.pi * time / RUN) ** 2
-
-
-def reading_of(arm: FlexibleArm, state: Array, tau: Array) -> list[float]:
-    """Return what an IMU at the tip reads of our arm. Shape (3,)."""
-    length = arm.parameters.link_lengths[1]
-    mount = sensing.Mount(2, arm.place(2, length), arm.modes[1].slope(length))
-    rates = np.concatenate([state[arm.size :], arm.acceleration(state, tau)])
-    (y, v), (_, acceleration) = (np.split(arm.internal_state(each[None])[0], 2) for each in (state, rates))
-    return sensing.inertial(arm.constants, mount, sensing.Motion(y, v, acceleration))
-
-
-def test_the_engines_agree() -> None:
-    """Ours of the chain is MuJoCo's to rounding; that of the arm of assumed modes is near, whatever the segments.
-
-    Both see no gravity, which is at right angles to the plane: the chain has none, and MuJoCo's third axis shows 0.
-    """
-    parameters = ArmParameters()
-    arm = FlexibleArm(parameters)
-    xml = chains.chain_xml(SEGMENTS, parameters, STEP).replace("</mujoco>", SENSORS)
-    chain = Chain(mujoco.MjModel.from_xml_string(xml), parameters)
-    tip = chain.point_weights(2, parameters.link_lengths[1])
-    start, angles = np.zeros(2 * arm.size), np.zeros(2 * SEGMENTS)
-    start[1] = angles[SEGMENTS] = 0.8
-    chain.pose(angles, np.zeros(2 * SEGMENTS))
-    steps = round(PERIOD / STEP)
-    run = arm.simulate(start, lambda time, state: torque(time), RUN, step=PERIOD, substeps=100)
-    ours, theirs = [], []
-    for n, state in enumerate(run.state[1:]):
-        for k in range(steps):
-            chain.step(torque((n * steps + k + 0.5) * STEP), 1)
-        now = torque((n + 1) * PERIOD)
-        chain.data.ctrl[:] = now
-        theirs.append(chain.inertial(tip))
-        along, across, normal, *rates = chain.data.sensordata
-        np.testing.assert_allclose(theirs[-1], [along, across, rates[2]], rtol=1e-9, atol=1e-9)
-        assert normal == 0.0
-        ours.append(reading_of(arm, state, now))
-    difference, size = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (np.subtract(ours, theirs), theirs))
-    # 1.0, 1.8 and 0.2 % of their r.m.s., with 10, 20 or 40 segments: three modes a link lack the higher ones
-    assert (difference < [0.02, 0.03, 0.004] * size).all()

@@ -1,6 +1,8 @@
 """`FlexArm/SquareChain-v0`: the environment whose arm is a chain in MuJoCo."""
 
 import copy
+import warnings
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -80,13 +82,20 @@ def test_spaces_and_infos_are_those_of_the_square() -> None:
 
 
 def test_gymnasiums_vector_environments_step_single_ones() -> None:
+    functions = [partial(make, max_episode_steps=5, **RANDOM)] * 2
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)  # as in test_contract
+        workers = gym.vector.AsyncVectorEnv(functions, context="fork")
     made = gym.make_vec(f"flexarm_env:{CHAIN}", num_envs=2, max_episode_steps=5, **SHORT, **RANDOM)
     assert isinstance(made, gym.vector.SyncVectorEnv)
+    runs = []
+    for envs in (made, workers):
+        runs.append([envs.reset(seed=2), *(envs.step(actions) for actions in actions_for(8, 2))])
+        envs.close()
+    assert_same(*runs)
     alone = make(**RANDOM)
-    assert_same(made.reset(seed=2)[0][1], alone.reset(seed=3)[0])
-    for actions in actions_for(5, 2):
-        assert_same(made.step(actions)[0][1], alone.step(actions[1])[0])
-    made.close()
+    assert_same(runs[0][0][0][1], alone.reset(seed=3)[0])
+    assert_same(runs[0][1][0][1], alone.step(actions_for(8, 2)[0, 1])[0])
 
 
 def test_a_state_is_the_chains_too() -> None:

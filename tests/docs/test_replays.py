@@ -83,9 +83,9 @@ def of_today(name: str, lap: str, periods: int) -> tuple[dict[str, Any], dict[st
     return replays.replay(record), replays.read(replays.FOLDER / replays.file_name(f"agent {name}", lap))[2]
 
 
-@pytest.mark.parametrize(("name", "lap", "periods"), [("student", "swing", 200), ("carry", "carry", 660)])
+@pytest.mark.parametrize(("name", "lap", "periods"), [("student", "swing", 420), ("carry", "carry", 660)])
 def test_a_lap_of_today_is_the_one_that_is_committed(name: str, lap: str, periods: int) -> None:
-    """A payload is taken up after 5 s, and moved from 6 s on."""
+    """Past the first corner, after 4 s; a payload is taken up after 5 s, and moved from 6 s on."""
     now, then = map(replays.channels, of_today(name, lap, periods))
     for channel, step in replays.STEPS.items():
         assert len(now[channel]) == periods + 1

@@ -157,6 +157,28 @@ def test_torque_limits_hold() -> None:
         np.testing.assert_array_equal(np.abs(torques).max(axis=0), limit)
 
 
+def test_the_same_law_held_over_a_period_is_unstable() -> None:
+    """Without hub inertia the elbow has next to no inertia of its own: held for 10 ms, its damping overshoots.
+
+    Inside the integrator the same law keeps the resting arm at rest.
+    """
+    stiffness, resistance = np.array([60.0, 20.0]), np.array([20.0, 6.0])
+    start = np.zeros(12)
+    start[:2] = inverse_kinematics(bare().arm.parameters, (-6.3, -6.3), "positive")
+    start[6:8] = 1e-3
+    still = {"reference": "waypoints", "waypoints": [(-6.3, -6.3), (-6.3, -6.3 + 1e-9)]}
+    inner, outer = bare(RESIDUAL, **still), bare(SQUARE, **still)
+    inner.reset(options={"state": start})
+    state = outer.reset(options={"state": start})[1]["state"]
+    fastest = 0.0
+    for _ in range(200):
+        torque = stiffness * (start[:2] - state[:2]) - resistance * state[6:8]
+        state = outer.step(torque / TORQUE_LIMITS)[4]["state"]
+        fastest = max(fastest, np.abs(state[6:8]).max())
+        assert np.abs(inner.step(np.zeros(2))[4]["state"][6:8]).max() < 2e-3
+    assert fastest > 10.0
+
+
 @pytest.mark.parametrize("sensor", ["rigid", "true"])
 def test_the_law_on_the_joints_is_that_on_a_collocated_sensor(sensor: str) -> None:
     """To the last bit, with a gain that changes, wherever the sensor is."""

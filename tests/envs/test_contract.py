@@ -215,6 +215,23 @@ def test_what_is_handed_out_is_new(made: Any) -> None:
 OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
 
 
+@pytest.mark.slow  # each worker imports torch
+def test_stable_baselines3s_worker_processes() -> None:
+    env_util = pytest.importorskip("stable_baselines3.common.env_util")
+    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+    kinds = (vec_env.SubprocVecEnv, vec_env.DummyVecEnv)
+    runs = []
+    for kind in kinds:
+        env = env_util.make_vec_env(f"flexarm_env:{SQUARE}", 2, seed=1, env_kwargs=OPTIONS, vec_env_cls=kind)
+        rows = [env.reset()]
+        for action in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2, 2)).astype(np.float32):
+            observation, reward, done, infos = env.step(action)
+            rows += [observation, reward.astype(np.float32), done, np.array([info["state"] for info in infos])]
+        env.close()
+        runs.append(rows)
+    assert_same(*runs)
+
+
 @pytest.mark.parametrize("context", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_gymnasiums_worker_processes(context: str) -> None:
     with warnings.catch_warnings():

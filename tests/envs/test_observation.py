@@ -65,7 +65,7 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
     options = {"elbow_branch": "positive", "last_actions": 3, "previews": (0.05, 0.33, 15.9)}
     options |= ALL | {"observation": [*EVERYWHERE, *["inner_gain"] * gains]}
     env = bare(env_id, frame=frame, scaled=scaled, start="moving", **options)
-    corner = 4.0 if frame == "world" else 16.0  # where a lap ends
+    corner = 4.0 if scaled else 16.0  # within the lap, or where it ends
     run = recorded(env, time=corner - 15.0 * env.control_period)
     m = env.arm.parameters.modes_per_link
     theta, q = run.states[:, :2], run.states[:, : env.arm.size]

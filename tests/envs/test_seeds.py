@@ -134,13 +134,13 @@ def pickled(env: Any) -> Any:
     return pickle.loads(pickle.dumps(env))
 
 
-# Both ask for the same state and give it back; the batches, across resets, have a pool of threads that no pickle holds.
+# Pickle refuses more than `deepcopy` does; a batch has a pool of threads that no pickle holds.
 COPIED = [
-    *((partial(bare, name, **noisy(name)), 12, copy.deepcopy) for name in (RESIDUAL, PAPER)),
+    *((partial(bare, name, **noisy(name)), 12, pickled) for name in (RESIDUAL, PAPER)),
     *((partial(make, **NOISY), 12, how) for how in (pickled, copy.deepcopy)),
     (partial(bare, arm={"modes_per_link": 1}, randomisation=ALL, **EITHER), 5, pickled),
     (partial(vector, SQUARE, 11, max_episode_steps=22, threads=2, **NOISY), 20, pickled),
-    (partial(vector, SQUARE, 9, max_episode_steps=22, per_env=TORQUE_LANES), 20, copy.deepcopy),
+    (partial(vector, SQUARE, 9, max_episode_steps=22, per_env=TORQUE_LANES), 20, pickled),
 ]
 
 

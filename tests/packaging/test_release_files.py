@@ -179,3 +179,9 @@ def test_pythons_are_the_same_everywhere() -> None:
     quoted = ", ".join(f'"{python}"' for python in PYTHONS)
     workflow = (ROOT / ".github/workflows/tests.yml").read_text(encoding="utf-8")
     assert workflow.count("python: [") == workflow.count(f"python: [{quoted}]") == 2
+
+
+def test_paths_on_pages_outside_docs_exist() -> None:
+    for page in ("SECURITY.md", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md"):
+        for path in re.findall(r"`((?:tests|\.github)/[\w/.]+)`", (ROOT / page).read_text(encoding="utf-8")):
+            assert (ROOT / path).exists(), path

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from tests.support.lagrange import loaded_arm
+from tests.support.lagrange import loaded_arm, random_state
 from tests.support.refusals import refused
 
 # Flapping frequencies of a uniform blade clamped to a turning root of radius zero, in units of sqrt(EI / rho L^4):
@@ -41,3 +42,24 @@ test_refusals = refused(
     (lambda: FlexibleArm().place(3, 1.0), "link = 3"),
     (lambda: ArmParameters.paper(kinematics="foreshortened"), r"kinematics = 'foreshortened'.*must be 'complete'"),
 )
+
+
+def centre_line_excess(arm: FlexibleArm, q: NDArray[np.float64], link: int) -> float:
+    """By how much a link's centre line is longer than the link, from 500 chords [m]."""
+    length = arm.parameters.link_lengths[link - 1]
+    points = arm.position(np.tile(q, (501, 1)), link, np.linspace(0.0, length, 501))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) - length
+
+
+@pytest.mark.parametrize("link", [1, 2])
+def test_a_bent_link_keeps_its_length(link: int) -> None:
+    """(1 - w'^2/2)^2 + w'^2 = 1 + w'^4/4: the length errs in the fourth order, that of the linear arm in the second."""
+    linear, foreshortened = (FlexibleArm(loaded_arm(2, kinematics=kind)) for kind in ("linear", "foreshortened"))
+    q = random_state(linear.parameters, 3, deflection=0.5)[: linear.size]
+    half = q.copy()
+    half[2:] *= 0.5
+    for arm, order in ((linear, 2), (foreshortened, 4)):
+        large, small = centre_line_excess(arm, q, link), centre_line_excess(arm, half, link)
+        assert large > 0.0
+        assert np.log2(large / small) == pytest.approx(order, abs=0.15)  # the next order is 10 to 20 % of it
+    assert centre_line_excess(foreshortened, q, link) < 0.1 * centre_line_excess(linear, q, link)

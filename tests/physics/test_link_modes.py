@@ -1,4 +1,4 @@
-"""Clamped-free modes against the textbook: roots, frequencies, shapes (integrals: test_dynamics)."""
+"""Clamped-free modes against the textbook: roots, frequencies, boundary conditions, integrals, statics."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_env.physics.link_modes import LinkModes, clamped_free_roots, link_modes
-from tests.support.lagrange import loaded_arm, shapes, textbook_roots
+from tests.support.lagrange import clenshaw_curtis, loaded_arm, shapes, textbook_roots
 
 L, EI, RHO, A = 4.5, 1676.0, 0.335, 0.1  # the paper's link
 EPS = np.finfo(float).eps
@@ -59,3 +59,32 @@ def test_shape_broadcasts(link: LinkModes) -> None:
     assert link.shape(1.0).shape == (4,)
     assert link.shape(x).shape == (2, 3, 4)
     np.testing.assert_array_equal(link.slope(x)[1, 2], link.slope(x[1, 2]))
+
+
+def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkModes) -> None:
+    x, weight = clenshaw_curtis(L)
+    phi, bend = (shapes(loaded_arm(4, mode_scale=A), L, x, order) for order in (0, 2))
+    mass = RHO * A**2 * L
+    np.testing.assert_allclose(link.mass, RHO * phi.T @ (weight[:, None] * phi), atol=ROUNDING * mass)
+    np.testing.assert_allclose(link.first_moment, RHO * weight @ phi, rtol=10 * ROUNDING)
+    np.testing.assert_allclose(link.second_moment, RHO * (weight * x) @ phi, rtol=10 * ROUNDING)
+    np.testing.assert_allclose(link.stiffness, EI * weight @ bend**2, rtol=ROUNDING)
+
+
+def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:
+    """A tip force and a tip moment bend the beam by x^2 (3 L - x) and by x^2: its statics are exact."""
+    link = link_modes(L, EI, RHO, 2, A, "polynomial")
+    compliance = np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]]) / EI
+    ends = np.stack([link.tip_values, link.tip_slopes])
+    np.testing.assert_allclose(ends @ (ends / link.stiffness).T, compliance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "missing"), [(1, 0.029), (2, 0.0047), (3, 0.0015), (4, 0.0006)])
+def test_static_tip_deflection_lacks_the_modes_that_are_left_out(count: int, missing: float) -> None:
+    """A tip force F deflects a clamped beam by F L^3 / (3 EI); the modes give sum phi_i(L)^2 F / k_i."""
+    link = link_modes(L, EI, RHO, count, A)
+    flexibility = np.sum(link.tip_values**2 / link.stiffness)
+    error = 1.0 - flexibility / (L**3 / (3.0 * EI))
+    # each mode adds its 12 / z_i^4 of the whole, so that the error is known; the rounded figure is the one told
+    assert error == pytest.approx(1.0 - sum(12.0 / z**4 for z in textbook_roots(count)), abs=ROUNDING)
+    assert error == pytest.approx(missing, rel=0.1)

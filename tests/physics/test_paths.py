@@ -5,7 +5,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParameters, inverse_kinematics, square
@@ -163,6 +163,8 @@ def test_a_path_keeps_its_own_table() -> None:
 
 @settings(max_examples=10)
 @given(st.floats(0.05, 1.0), st.floats(0.0, 1.0))
+@example(1.0, 0.0)  # a corner
+@example(0.05, 0.25)
 def test_a_path_with_blended_corners_is_its_running_mean(corner_time: float, share: float) -> None:
     sharp = square(SquareParameters(lap_time=4.0))
     smooth, count = rounded(sharp, corner_time), 4000

@@ -128,6 +128,17 @@ def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.Monke
     check(row.wrap(vector, make_batch(**row.options)))
 
 
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+def test_running_means_of_observations_need_next_step(mode: str) -> None:
+    with pytest.raises((ValueError, AssertionError)):  # Gymnasium 1.2 asserts, without a message
+        vector.NormalizeObservation(make_batch(autoreset_mode=mode))
+
+
+def test_tensors_have_no_last_observations() -> None:
+    with pytest.raises(BufferError, match="DLPack"):
+        stepped(vector.NumpyToTorch(make_batch(autoreset_mode="SameStep", **SHORT)))
+
+
 def test_a_vector_of_single_environments_is_the_batch() -> None:
     """By name, in this process; `tests/envs/test_contract.py` has those in processes."""
     envs = gym.make_vec(SQUARE, num_envs=3, vectorization_mode="sync", **shared_arm(SQUARE, SHORT))

@@ -76,7 +76,7 @@ def configured(path: Path, **changes: Any) -> Path:
 
 
 def deflated(path: Path) -> Path:
-    """Write a good file anew, in which 32 MiB of zeros take a thousandth."""
+    """Write a file anew, compressed, with 32 MiB of zeros more, which take a thousandth."""
     with np.load(path) as file:
         np.savez_compressed(path, **(dict(file) | {"weight_0": np.zeros((2**21, 4), np.float32)}))
     return path

@@ -1,10 +1,10 @@
 """The arm under its law, solved independently: material points, quadrature and a stiff scipy solver.
 
-The oracle knows nothing of `dynamics`, `jacobian_transpose` or `imex`; only the foreshortened arm's accelerations are
-the package's. It sums inertia over material points in joint coordinates, takes the law from the paper
-(docs/reproduction.md) line by line, and integrates by scipy's LSODA with relative tolerance 1e-9 by the method of
-steps: never a step longer than the shortest delay, the past read from the solver's own dense output, a fresh start
-wherever the right-hand side jumps.
+The oracle knows nothing of `dynamics`, `jacobian_transpose` or `imex`; only the foreshortened arm's accelerations and
+what the true sensor sees are the package's. It sums inertia over material points in joint coordinates, takes the law
+from the paper (docs/reproduction.md) line by line, and integrates by scipy's LSODA with relative tolerance 1e-9 by the
+method of steps: never a step longer than the shortest delay, the past read from the solver's own dense output, a fresh
+start wherever the right-hand side jumps.
 """
 
 from __future__ import annotations
