@@ -26,7 +26,7 @@ def code_version(modules: Iterable[str], without: Collection[str] = (), data: Ma
 
     Args:
         modules: their names.
-        without: names of modules that do not count, nor what they alone import.
+        without: names of modules and packages that do not count, nor what they alone import.
         data: by the name of a module, the pattern of the files that it reads, from the folder of its top package.
 
     Raises:
@@ -57,7 +57,7 @@ def _closure(modules: tuple[str, ...], without: frozenset[str]) -> frozenset[str
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        if name not in found and name not in without:
+        if name not in found and not any(f"{name}.".startswith(f"{one}.") for one in without):
             found.add(name)
             waiting += _source(name).imports
     return frozenset(found)

@@ -36,6 +36,8 @@ from flexarm_env.validation import known_names, mapping
 
 _FIT = r"\w.+:=,()/ -"  # characters of a name
 NAME = re.compile(f"[{_FIT}]{{1,60}}")
+# Code that runs every entry alike. It is no entry's content: what changes its bits raises `terms.BOARD`.
+SHARED = ("flexarm_env", "flexarm_agents.environments", "flexarm_agents.policies.network")
 _BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
 
 
@@ -121,14 +123,17 @@ class Entry:
     @property
     def fingerprint(self) -> dict[str, str]:
         """The hashes of the policy's data and of the code that it runs."""
-        policy, recipe = self.candidate().policy, _recipe(self)
-        files = " ".join(map(file_hash, [*recipe.files, *map(Path, getattr(policy, "files", ()))]))
-        return {**recipe.label, "files": files, "code": code_version([*recipe.modules, *_modules(policy)])}
+        return self._hashes()
 
     @property
     def content(self) -> str:
-        """Hash of its fingerprint, from which the seeds of its episodes follow."""
-        return hashlib.sha256(json.dumps(self.fingerprint, sort_keys=True).encode()).hexdigest()
+        """Hash of its data and its own code, from which the seeds of its episodes follow."""
+        return hashlib.sha256(json.dumps(self._hashes(SHARED), sort_keys=True).encode()).hexdigest()
+
+    def _hashes(self, without: Sequence[str] = ()) -> dict[str, str]:
+        policy, recipe = self.candidate().policy, _recipe(self)
+        files = " ".join(map(file_hash, [*recipe.files, *map(Path, getattr(policy, "files", ()))]))
+        return {**recipe.label, "files": files, "code": code_version([*recipe.modules, *_modules(policy)], without)}
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,7 @@ def test_seeds_follow_from_the_policy_and_from_what_is_random(monkeypatch: pytes
     along = [seeds(Entry(AGENT), Point(0.0, options, seeds=range(2))) for options in (more, axis)]
     assert along[0] == along[1] != seeds(Entry(AGENT), Point(0.0, {"jitter": 0.01}, seeds=range(2)))
     assert seeds(Entry(AGENT), Point(0.0, few)) == seeds(Entry(AGENT), Point(0.0))  # one cell
-    monkeypatch.setattr("flexarm_agents.board.terms.BOARD", 3)
+    monkeypatch.setattr("flexarm_agents.board.terms.BOARD", 4)
     assert not {*mine} & {*seeds(Entry(AGENT), unknown)}
 
 
