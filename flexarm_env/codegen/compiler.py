@@ -20,7 +20,7 @@ from numba import njit, types
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-from flexarm_env.codegen import memory, pipelines, rows, vectors
+from flexarm_env.codegen import intrinsics, memory, pipelines, rows, scalars, tracing, vectors
 from flexarm_env.codegen.cache import KernelFolder, check_compiler, keep
 from flexarm_env.codegen.declarations import (
     AnyVariant,
@@ -31,13 +31,22 @@ from flexarm_env.codegen.declarations import (
     Recorded,
     plain_python,
 )
-from flexarm_env.codegen.scalars import COMPILED
 from flexarm_env.lazy import cached_property
 
 # Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
 # drops the checks for division by zero, which would keep the compiler from vectorising.
 _STRICT = {"error_model": "numpy", "boundscheck": False, "no_cfunc_wrapper": True}
 Entries = SimpleNamespace
+# What numba takes for functions of numbers, arrays and expressions.
+_OF_NUMBERS: dict[Callable[..., Any], Any] = {
+    tracing.root: scalars.root,
+    tracing.magnitude: scalars.magnitude,
+    tracing.where_less: scalars.where_less,
+    tracing.clip: scalars.clip,
+    tracing.at_least: scalars.at_least,
+    tracing.floor: np.floor,
+    tracing.quarter_turns: intrinsics.quarter_turns,
+}
 _LIBRARY = (sqrt, log, np.floor)  # all other elementary functions are our own (`elementary`)
 
 
@@ -64,7 +73,7 @@ class Kernels:
         """Return the function that stands for another one in this variant."""
         if isinstance(value, Chosen):
             return self.variant.program.hooks[value.__name__]
-        return COMPILED.get(value, value) if isinstance(value, FunctionType) else value
+        return _OF_NUMBERS.get(value, value) if isinstance(value, FunctionType) else value
 
     def _make(self, function: Any) -> Any:
         if isinstance(function, FunctionType):

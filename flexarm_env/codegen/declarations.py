@@ -28,11 +28,11 @@ class _Present:
 
     Attributes:
         variant: the variant.
-        places: first places of parts of its tables: drivers read thousands in a period.
+        known: its attributes, and first places of parts of its tables: drivers read thousands in a period.
     """
 
     variant: Any
-    places: dict[tuple[type, str], int]
+    known: dict[Any, Any] = field(default_factory=dict)
 
 
 _PRESENT: ContextVar[_Present] = ContextVar("variant")
@@ -50,7 +50,7 @@ def plain_python(variant: Any) -> Iterator[None]:
 
 @cache
 def _present(variant: Any) -> _Present:
-    return _Present(variant, {})
+    return _Present(variant)
 
 
 def _of_context() -> _Present:
@@ -74,7 +74,10 @@ class PresentVariant:
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the present variant."""
-        return getattr(present_variant(), name)
+        known = _of_context().known
+        if name not in known:
+            known[name] = getattr(present_variant(), name)
+        return known[name]
 
 
 # --- places -----------------------------------------------------------------------------------------------------------
@@ -109,7 +112,15 @@ class Entry:
     def __get__(self, instance: Names, owner: type) -> int: ...
     def __get__(self, instance: Names | None, owner: type) -> Self | int:
         """Return the number of the first place, or the declaration itself when read from the class."""
-        return self if instance is None else instance.first(self.name)
+        if instance is None:
+            return self
+        present = _PRESENT.get(None)
+        if present is None:
+            return instance.first(self.name)
+        if self not in present.known:
+            present.known[self] = instance.first(self.name)
+        place: int = present.known[self]
+        return place
 
     def count(self, shape: Any) -> int | None:
         """Return how many places it takes in a table of this shape; None if the table does not have it."""
@@ -146,15 +157,12 @@ class Names:
         Raises:
             LookupError: where the table does not have the part.
         """
-        places, key = _of_context().places, (type(self), name)
-        if key not in places:
-            shape = self.shape()
-            layout = self.layout(shape)
-            if name not in layout:
-                kind = shape.program.name
-                raise LookupError(f"{type(self).__name__}.{name}: programs of kind {kind!r} do not have it")
-            places[key] = layout[name][0]
-        return places[key]
+        shape = self.shape()
+        layout = self.layout(shape)
+        if name not in layout:
+            kind = shape.program.name
+            raise LookupError(f"{type(self).__name__}.{name}: programs of kind {kind!r} do not have it")
+        return layout[name][0]
 
 
 @cache

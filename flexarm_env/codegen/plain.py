@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
-from flexarm_env.codegen import tracing
+from flexarm_env.codegen.scalars import quarter_turns
 from flexarm_env.codegen.tracing import Operation, Recording
 
 Fused = Callable[[float, float, float], float]
@@ -43,7 +43,7 @@ def python_kernel(recording: Recording, lanes: int, fused: Fused | None = None) 
         lanes: of a block.
         fused: multiplies and adds; by default the product is rounded too.
     """
-    names: dict[str, Any] = {"sqrt": sqrt, "floor": _floor, "quotient": _quotient, "quarter_turns": _quarter_turns}
+    names: dict[str, Any] = {"sqrt": sqrt, "floor": _floor, "quotient": _quotient, "quarter_turns": quarter_turns}
     names["fused"] = fused
     texts = _TEXTS if fused is None else _TEXTS | _FUSED
     for name, function in recording.functions.items():
@@ -97,9 +97,3 @@ def _quotient(a: float, b: float) -> float:
 
 def _floor(x: float) -> float:
     return float(np.floor(x))
-
-
-def _quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
-    if not isfinite(k):
-        return tracing.quarter_turns(k, sine, cosine)
-    return ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[int(k % 4.0)]

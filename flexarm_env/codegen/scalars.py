@@ -1,14 +1,8 @@
-"""`flexarm_env.codegen.tracing`'s functions for single numbers: what the kernels' scalar code is compiled with."""
+"""`flexarm_env.codegen.tracing`'s functions for single numbers; the kernels' scalar code is compiled with them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import sqrt
-from typing import Any
-
-import numpy as np
-
-from flexarm_env.codegen import intrinsics, tracing
+from math import isfinite, nan, sqrt
 
 
 def root(x: float) -> float:
@@ -36,13 +30,8 @@ def at_least(x: float, low: float) -> float:
     return low if x < low else x
 
 
-# What the compiler is given for functions of numbers, arrays and expressions.
-COMPILED: dict[Callable[..., Any], Callable[..., Any]] = {
-    tracing.root: root,
-    tracing.magnitude: magnitude,
-    tracing.where_less: where_less,
-    tracing.clip: clip,
-    tracing.at_least: at_least,
-    tracing.floor: np.floor,
-    tracing.quarter_turns: intrinsics.quarter_turns,
-}
+def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Return the sine and cosine of an angle k quarter turns on."""
+    if not isfinite(k):
+        return nan, nan
+    return ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[int(k % 4.0)]

@@ -12,11 +12,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from inspect import unwrap
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from flexarm_env.codegen import scalars
 
 # Sums and differences, which operand may be a product, and what they are with it: a * b + c, c - a * b, a * b - c.
 _FUSED = (
@@ -241,6 +243,7 @@ class Expression(Symbol):
 
 
 _PRIMITIVES: dict[Callable[..., Any], str] = {}  # names of their operations
+_NUMBERS = frozenset({float, np.float64})
 _CALLED: dict[Callable[..., Any], tuple[str, int]] = {}  # their names in kernels, and how many results they have
 
 
@@ -255,11 +258,13 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
     return lambda formula: _called(recorded_name(formula), count)(formula)
 
 
-def _called(name: str, count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorate a function of numbers and arrays that a record calls by a name."""
+def _called(
+    name: str, count: int, of_numbers: Callable[..., Any] | None = None
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a function of numbers and arrays that a record calls by a name; `of_numbers`: see `_asking`."""
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        function = _asking(formula)
+        function = _asking(formula, of_numbers or formula)
         _CALLED[function] = name, count
         return function
 
@@ -271,18 +276,20 @@ def recorded_name(formula: Callable[..., Any]) -> str:
     return f"{formula.__name__}_fused"
 
 
-def _primitive(formula: Callable[..., Any]) -> Callable[..., Any]:
+def _primitive(formula: Callable[..., Any], of_numbers: Callable[..., Any] | None = None) -> Callable[..., Any]:
     """Decorate a function of numbers and arrays that is an operation of a record, under its own name."""
-    function = _asking(formula)
+    function = _asking(formula, of_numbers or formula)
     _PRIMITIVES[function] = formula.__name__
     return function
 
 
-def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
-    """Extend the formula to symbols, by `Symbol.apply`."""
+def _asking(formula: Callable[..., Any], of_numbers: Callable[..., Any]) -> Callable[..., Any]:
+    """Extend the formula to symbols, by `Symbol.apply`; single numbers take another one, without numpy's detours."""
 
     @wraps(formula)
     def function(*arguments: Any) -> Any:
+        if _NUMBERS.issuperset(map(type, arguments)):
+            return of_numbers(*arguments)
         symbol = _asked(arguments)
         return formula(*arguments) if symbol is None else symbol.apply(function, arguments)
 
@@ -303,7 +310,7 @@ def floor(x: Any) -> Any:
     return np.floor(x)
 
 
-@_called("quarter_turns", 2)
+@_called("quarter_turns", 2, scalars.quarter_turns)
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     """Return the sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
@@ -329,7 +336,7 @@ def magnitude(x: Any) -> Any:
     return np.abs(x)
 
 
-@_primitive
+@partial(_primitive, of_numbers=scalars.where_less)
 def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
     """Return `then` where x < bound, else `otherwise`; NaN is not less."""
     return np.where(np.asarray(x) < bound, then, otherwise)[()]

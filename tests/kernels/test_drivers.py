@@ -8,7 +8,6 @@ import pytest
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from tests.support import plain as plain_python
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
 from tests.support.plain import run_plainly
 
@@ -44,30 +43,3 @@ def test_environments_run_in_plain_python_as_compiled(
         compiled.step()
         with np.errstate(all="ignore"):  # lanes without a reading divide by zero, as compiled
             plain.step()
-
-
-def played(settings: Settings) -> list[np.ndarray]:
-    """Return observations and results of an episode's beginning in plain Python."""
-    simulator = BatchSimulator(settings, 1)
-    simulator.start(np.arange(1, dtype=np.uint64) + 5, np.arange(1), simulator.usual_requests)
-    rng, found = np.random.default_rng(0), []
-    for _ in range(3):
-        simulator.actions[:] = rng.uniform(-0.5, 0.5, simulator.actions.shape)
-        with np.errstate(all="ignore"):
-            simulator.step()
-        found += [simulator.observations.copy(), simulator.results.copy()]
-    return found
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
-def test_what_makes_plain_python_quick_changes_no_bit(env_id: str) -> None:
-    settings, found = Settings.of(dict(gym.spec(env_id).kwargs)), []
-    for quick in (True, False):
-        with pytest.MonkeyPatch.context() as patch:
-            if not quick:
-                patch.setattr(plain_python, "quicken", lambda patch: None)
-            run_plainly(patch)
-            found.append(played(settings))
-    for ours, own in zip(*found, strict=True):
-        np.testing.assert_array_equal(ours, own)

@@ -20,7 +20,6 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
 from flexarm_env.kernels.entries import word
 from flexarm_env.kernels.variants import Variant
-from tests.support.quick import quicken
 
 
 def is_shared(variant: AnyVariant) -> bool:
@@ -45,7 +44,6 @@ def run_plainly(
 
     monkeypatch.setattr(compiler, "load", load_plain)
     monkeypatch.setattr(cache, "compiled_entry", plain_entry)
-    quicken(monkeypatch)
 
 
 def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:
