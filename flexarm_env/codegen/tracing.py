@@ -20,6 +20,7 @@ import numpy as np
 
 from flexarm_env.codegen import scalars
 
+Formula = Callable[..., Any]
 # Sums and differences, which operand may be a product, and what they are with it: a * b + c, c - a * b, a * b - c.
 _FUSED = (
     ("add", 1, "multiply_add"),
@@ -164,7 +165,7 @@ class Symbol(ABC):
     rank = 0
 
     @abstractmethod
-    def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    def apply(self, function: Formula, arguments: Sequence[Any]) -> Any:
         """Apply a function of this module, or one recorded once, to arguments of which this symbol is one."""
 
 
@@ -190,7 +191,7 @@ class Expression(Symbol):
             return NotImplemented
         return self.trace.assign(name, *operands)
 
-    def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    def apply(self, function: Formula, arguments: Sequence[Any]) -> Any:
         """Record a primitive, or a call."""
         primitive = _PRIMITIVES.get(function)
         if primitive is not None:
@@ -242,28 +243,23 @@ class Expression(Symbol):
         return self._record("negate", self)
 
 
-_PRIMITIVES: dict[Callable[..., Any], str] = {}  # names of their operations
+_PRIMITIVES: dict[Formula, str] = {}  # names of their operations
 _NUMBERS = frozenset({float, np.float64})
-_CALLED: dict[Callable[..., Any], tuple[str, int]] = {}  # their names in kernels, and how many results they have
+_CALLED: dict[Formula, tuple[str, int]] = {}  # their names in kernels, and how many results they have
 
 
-def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorate a formula of several numbers that a module's kernels share: a record calls it.
+def recorded_once(count: int) -> Callable[[Formula], Formula]:
+    """Decorate a formula with several results, `count`, that a module's kernels share: a record calls it.
 
     Compiling takes longer the more there is to read; a sine has fifty operations, and a step of the arm eight sines.
-
-    Args:
-        count: number of the formula's results.
     """
     return lambda formula: _called(recorded_name(formula), count)(formula)
 
 
-def _called(
-    name: str, count: int, of_numbers: Callable[..., Any] | None = None
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def _called(name: str, count: int, of_numbers: Formula | None = None) -> Callable[[Formula], Formula]:
     """Decorate a function of numbers and arrays that a record calls by a name; `of_numbers`: see `_asking`."""
 
-    def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
+    def decorated(formula: Formula) -> Formula:
         function = _asking(formula, of_numbers or formula)
         _CALLED[function] = name, count
         return function
@@ -271,19 +267,19 @@ def _called(
     return decorated
 
 
-def recorded_name(formula: Callable[..., Any]) -> str:
+def recorded_name(formula: Formula) -> str:
     """Return what a shared formula is called in a module's kernels, sums fused with products."""
     return f"{formula.__name__}_fused"
 
 
-def _primitive(formula: Callable[..., Any], of_numbers: Callable[..., Any] | None = None) -> Callable[..., Any]:
+def _primitive(formula: Formula, of_numbers: Formula | None = None) -> Formula:
     """Decorate a function of numbers and arrays that is an operation of a record, under its own name."""
     function = _asking(formula, of_numbers or formula)
     _PRIMITIVES[function] = formula.__name__
     return function
 
 
-def _asking(formula: Callable[..., Any], of_numbers: Callable[..., Any]) -> Callable[..., Any]:
+def _asking(formula: Formula, of_numbers: Formula) -> Formula:
     """Extend the formula to symbols, by `Symbol.apply`; single numbers take another one, without numpy's detours."""
 
     @wraps(formula)
