@@ -16,7 +16,8 @@ An observation is an array of float32: the blocks named by the option `observati
 block is divided by its scale. `env.unwrapped.observation_blocks` has the slice of each block, `observation_scale` the
 divisor of each number. Each number stays within its bound until the episode ends. In the table of blocks the column
 `reads` names the sensor behind a block. A policy that observes `state` is privileged. The strain gauges of `Square-v0`
-have no noise: with the encoders they give the same state. The ids `SquareDelay...` and `SquareUnknown-v0` have none."""
+have no noise: with the encoders they give the same state. `SquareEncoders-v0`, `SquareUnknown-v0` and the ids
+`SquareDelay...` have none."""
 FRAMES = """\
 All units are SI. theta1 is the angle from the world's x axis to the root of link 1, theta2 the angle from the tangent
 at link 1's tip to the root of link 2. Blocks in m and m/s are x and y with the shoulder as origin. With

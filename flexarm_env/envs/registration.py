@@ -109,8 +109,8 @@ IDS: dict[str, Id] = {
         "Follow the square with the motors' torques",
         "The main task: the paper's square, with the torques in the agent's hands and nothing stabilised. The "
         "joints have encoders, the links strain gauges, the tip a sensor that is late. The gauges have no noise: with "
-        "the encoders they give the whole state. `SquareUnknown-v0` and the ids `SquareDelay...` have none. "
-        "Each episode draws the side of the elbow, so an agent meets both laps of the score.",
+        "the encoders they give the whole state. `SquareEncoders-v0`, `SquareUnknown-v0` and the ids `SquareDelay...` "
+        "have none. Each episode draws the side of the elbow, so an agent meets both laps of the score.",
     ),
     "SmoothSquare-v0": Id(
         _LAP,
