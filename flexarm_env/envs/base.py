@@ -31,6 +31,7 @@ class FlexArmEnvBase:
 
     simulator: BatchSimulator
     spec: EnvSpec | None
+    render_mode: str | None
     _started: bool
     _lasting: Array | None = None  # requests for resets that `set_options` has left
 
@@ -52,6 +53,14 @@ class FlexArmEnvBase:
     def _check_begun(self) -> None:
         if not self._started:
             raise AttributeError("episode: none has begun; call reset() first")
+
+    def _begun_drawing(self) -> bool:
+        """Return whether there is a render mode, and warn if not; before a reset there is nothing to draw."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() without a render mode; give make one, e.g. render_mode="rgb_array"')
+        elif not self._started:
+            raise RuntimeError("render() before reset(): there is nothing to show")
+        return self.render_mode is not None
 
     def _spaces(self) -> tuple[Any, Any]:
         bound = self.simulator.layout.bound

@@ -114,9 +114,7 @@ class HostedSimulator(BatchSimulator):
     def _plant_state(self) -> Array:
         for name in ("get_state", "set_state"):
             method = getattr(self.plant, name, None)
-            if method is None or getattr(method, "__func__", None) is getattr(
-                Plant, name
-            ):  # the protocol's does nothing
+            if method is None or getattr(method, "__func__", None) is getattr(Plant, name):  # the protocol's own
                 raise NotImplementedError(
                     f"{type(self.plant).__name__} has no {name}: states of this environment cannot be copied"
                 )

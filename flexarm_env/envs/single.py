@@ -185,13 +185,9 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
             RuntimeError: before the first reset.
         """
-        if self._scene is None:
-            gymnasium.logger.warn(
-                f'render() without a render mode; give make one, e.g. render_mode="{RENDER_MODES[0]}"'
-            )
+        if not self._begun_drawing():
             return None
-        if not self._started:
-            raise RuntimeError("render() before reset(): there is nothing to show")
+        assert self._scene is not None
         return self._scene.draw(self.simulator.result(0))
 
     def close(self) -> None:

@@ -251,8 +251,12 @@ class FlexArmVectorEnv(
         return self._observations(), infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Draw each environment; None without a render mode or before a reset. Shape (size, size, 3) each."""
-        if not self._scenes or not self._started:
+        """Draw each environment. Shape (size, size, 3) each; None without a render mode.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        if not self._begun_drawing():
             return None
         return tuple(scene.draw(self.simulator.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
 

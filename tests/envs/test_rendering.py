@@ -269,7 +269,8 @@ def test_a_copy_of_an_environment_that_has_drawn_goes_on() -> None:
 
 def test_a_batch_draws_each_of_its_arms() -> None:
     envs = gymnasium.make_vec(SQUARE, num_envs=3, arm="linear", render_mode="rgb_array")
-    assert envs.render() is None  # nothing to show yet
+    with pytest.raises(RuntimeError, match="before reset"):
+        envs.render()
     pictures = stepped(envs, 3)
     assert len(pictures) == 3
     alone = gymnasium.make(SQUARE, arm="linear", render_mode="rgb_array")
@@ -289,3 +290,5 @@ def test_a_window_follows_the_steps(pygame: Any) -> None:
 def test_nothing_is_drawn_without_a_mode() -> None:
     with pytest.warns(UserWarning, match="render mode"):
         assert gymnasium.make(GAIN).unwrapped.render() is None
+    with pytest.warns(UserWarning, match="render mode"):
+        assert gymnasium.make_vec(GAIN, num_envs=2).render() is None
