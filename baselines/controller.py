@@ -166,7 +166,8 @@ class TorqueController(ABC):
         """Begin the memory of the arms whose episode starts, and keep that of the others."""
         if state is None:
             return self.start(seen)
-        starting = np.zeros(len(seen), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
+        begins = False if episode_start is None else episode_start
+        starting = np.broadcast_to(np.asarray(begins, dtype=bool), len(seen))
         if not starting.any():
             return state
         memory = tuple(part.copy() for part in state)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import number
+from flexarm_env.validation import listed, number, shown
 
 # Encoders are trusted little, and their rates hardly at all: at the first moves the filter would else take fast
 # vibrations, which no model has right, for payload.
@@ -149,14 +149,15 @@ class AdaptiveLQG(LQG):
             late: delay of the motors for which regulators are designed [s]; None: 3 ms, a period if that is shorter.
 
         Raises:
-            ValueError: see `LQG`; if `late` is below 0 or above a control period.
+            ValueError: see `LQG`; if the grid is empty, a payload below 0, or `late` below 0 or above a control period.
         """
         PlanController.__init__(self, task, plans)
         task.check_true_point()
         self.check_modes(task.arm)
         share_of_a_period(task)  # its model has motors that are late by a period at most
-        payloads = payloads or (PAYLOADS if task.payloads is None else CARRIED)
-        self._grid = sorted(payloads), sorted(stiffnesses)
+        if payloads is None:
+            payloads = PAYLOADS if task.payloads is None else CARRIED
+        self._grid = _axis("payloads", payloads, least=0.0), _axis("stiffnesses", stiffnesses, above=0.0)
         numbers = tuple(PlanNumbers.of(plan) for plan in self.plans)
         late = min(LATE, task.period) if late is None else number("late", late, "s", least=0.0, most=task.period)
         design = Design(task.arm, numbers, tuple(self._grid[0]), tuple(self._grid[1]), weights, late / task.period)
@@ -262,6 +263,13 @@ class StampedLQG(AdaptiveLQG):
         delay = seen["reading_age"].clip(self._least[column], self._most[column])
         estimate[..., self._quantities.start + column] = delay
         return (estimate, *memory[1:])
+
+
+def _axis(name: str, given: Sequence[float], **bounds: Any) -> list[float]:
+    values = sorted(number(f"{name}[{n}]", value, **bounds) for n, value in enumerate(listed(name, given)))
+    if not values:
+        raise ValueError(f"{name} = {shown(given)}: must hold a value at least")
+    return values
 
 
 def least_in_doubt(doubt: Floats, believed: Array) -> Array:

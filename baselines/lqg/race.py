@@ -51,9 +51,12 @@ class RaceLQG(LQG):
             **design: see `LQG`.
 
         Raises:
-            ValueError: if it is no race of the plan's arm along its path, at its control period, within its torques.
+            ValueError: if it is no race of the plan's arm along its path, at its control period, within its torques, or
+                the plan is of no race.
         """
         plan, settings = race_plan() if plan is None else plan, env_attribute(env, "settings")
+        if "ways" not in plan.notes:
+            raise ValueError('plan: must be of a race, with the note "ways"')
         time = plan.period * np.arange(len(plan.states))
         task = Task.of(env, ReferencePath(np.column_stack([time, plan.reference])))
         path, ways = settings.paths[DIRECTIONS.index(settings.direction)], np.asarray(plan.notes["ways"])

@@ -115,7 +115,7 @@ class KalmanFilter:
             quantities: quantities to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`, `delay` [s]),
                 with the standard deviation of each at the start.
             drift: how far the estimated quantities may wander in a second, as a share of that deviation, one for all
-                or by name. It keeps the filter from settling on what it found while it was far off.
+                or by name, 0 without one. It keeps the filter from settling on what it found while it was far off.
         """
         self.arm, self.noise = arm, noise or NoiseModel()
         self.period = number("period", period, "s", above=0.0)
@@ -127,6 +127,8 @@ class KalmanFilter:
         self.quantities = tuple(name for name in ESTIMABLE if name in given)
         self._start_deviations = [number(f"quantities[{name!r}]", given[name], above=0.0) for name in self.quantities]
         shares = dict(drift) if isinstance(drift, Mapping) else dict.fromkeys(self.quantities, drift)
+        for name in shares:
+            choice("drift", name, self.quantities)
         wandering = [number(f"drift of {name}", shares.get(name, 0.0), least=0.0) for name in self.quantities]
         self._drift = np.sqrt(self.period) * np.array(wandering) * np.array(self._start_deviations)
         whole, part = divmod(self.delay / self.period + 1e-9, 1.0)

@@ -65,6 +65,8 @@ class Plan:
         put(self, "limits", pair("limits", self.limits, "N m", above=0.0))
         number("period", self.period, "s", above=0.0)
         number("step", self.step, "s", above=0.0)
+        if self.payloads is not None and np.shape(self.payloads) != (count,):
+            raise ValueError(f"payloads: must have shape ({count},), got {np.shape(self.payloads)}")
 
     def __repr__(self) -> str:
         """Describe the plan in a line."""

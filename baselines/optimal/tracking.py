@@ -35,7 +35,7 @@ class PlanRegulator:
         instance("plan", plan, Plan)
         instance("weights", weights, RegulatorWeights)
         self.plan, self.weights = plan, weights
-        arm = plan.arm if model is None else _fitting(plan, model)
+        arm = plan.arm if model is None else _fitting("model", plan, model)
         self.gains = LinearQuadratic.along(plan, weights, arm).gains()
 
     def torque(self, time: float, state: ArrayLike) -> Floats:
@@ -66,16 +66,16 @@ class PlanRegulator:
             **quantities: payload_mass, stiffness, damping of what is run. Shape (...).
         """
         plan = self.plan
-        run = plan.arm if arm is None else _fitting(plan, arm)
+        run = plan.arm if arm is None else _fitting("arm", plan, arm)
         start = plan.states[0] if state is None else np.asarray(state, dtype=np.float64)
         return plan.rollout(run, start, plan.torques, gains=self.gains, references=plan.states[:-1], **quantities)
 
 
-def _fitting(plan: Plan, arm: FlexibleArm) -> FlexibleArm:
+def _fitting(name: str, plan: Plan, arm: FlexibleArm) -> FlexibleArm:
     """Check that an arm has the plan's states."""
-    instance("arm", arm, FlexibleArm)
+    instance(name, arm, FlexibleArm)
     if arm.parameters.modes_per_link != plan.parameters.modes_per_link:
         raise ValueError(
-            f"arm: has {arm.parameters.modes_per_link} modes a link, the plan's {plan.parameters.modes_per_link}"
+            f"{name}: has {arm.parameters.modes_per_link} modes a link, the plan's {plan.parameters.modes_per_link}"
         )
     return arm

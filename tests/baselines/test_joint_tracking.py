@@ -103,6 +103,13 @@ def test_after_a_lap_the_motion_goes_on(tracking: JointTracking) -> None:
     np.testing.assert_allclose(action * TASK.torque_limit, goal.torques[50], atol=2e-3)
 
 
+def test_a_flag_begins_the_episode_of_one_arm(tracking: JointTracking) -> None:
+    seen = observed([-2.4977, -0.2824], [0.0, 0.0], 0)
+    first, state = tracking.predict(seen)
+    for flag in (True, np.array(True), np.array([True])):
+        np.testing.assert_array_equal(tracking.predict(seen, state, flag)[0], first)
+
+
 def test_late_motors_get_the_torques_of_later_periods(tracking: JointTracking) -> None:
     """Also where they are later than the margin of the table."""
     late = JointTracking(replace(TASK, actuation_delay=3.0))

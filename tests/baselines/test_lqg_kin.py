@@ -65,6 +65,8 @@ test_refusals = refused(
     (lambda: HInfinityLQG(replace(task(), actuation_delay=0.01), [plan()]), r"actuation_delay = 0\.01 s"),
     (lambda: AdaptiveLQG(replace(task(), actuation_delay=0.02), [plan()]), r"actuation_delay = 0\.02 s: .* at most"),
     (lambda: AdaptiveLQG(task(), [plan()], late=0.02), r"late = 0\.02: must be .*<= 0\.01 \[s\]"),
+    (lambda: AdaptiveLQG(task(), [plan()], payloads=()), r"payloads = \(\): must hold a value"),
+    (lambda: AdaptiveLQG(task(), [plan()], stiffnesses=(1.0, 0.0)), r"stiffnesses\[1\] = 0\.0"),
     (lambda: least_gamma(game(), high=2.0), r"low = 1\.0, high = 2\.0: a controller must guarantee high"),
     (lambda: least_gamma(game(), low=1e4), r"low = 10000\.0, high = 100000\.0: a controller must"),
     (lambda: HInfinityLQG(task(), [plan()], gamma=1e-6), r"gamma = 1e-06: no controller guarantees it"),

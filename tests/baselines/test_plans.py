@@ -90,6 +90,8 @@ test_bad_input_along_a_plan_is_refused = refused(
     (lambda: PlanRegulator(plan(), (0.1, 0.2)), "TypeError: weights = "),
     (lambda: RegulatorWeights(torque=(0.0, 1.0)), "torque"),
     (lambda: PlanRegulator(plan(), model=TWO_MODES), "2 modes a link, the plan's 1"),
+    (lambda: PlanRegulator(plan(), model="x"), "TypeError: model = 'x'"),  # type: ignore[arg-type]
+    (lambda: replace(plan(), payloads=np.zeros(3)), r"payloads: must have shape \(\d+,\), got \(3,\)"),
     (lambda: PlanRegulator(plan()).torque(0.0, np.zeros(4)), r"state: must have shape \(..., 8\)"),
     (lambda: PlanRegulator(plan()).torque(np.nan, START), "time = nan"),
     (lambda: Plan(ARM.parameters, *TABLES, (1.0, 1.0), 0.01, 1e-3), "states: must have shape"),

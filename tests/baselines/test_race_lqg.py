@@ -11,6 +11,7 @@ from flexarm_agents.board.entries import Entry
 from flexarm_agents.board.episodes import run_points
 from flexarm_baselines.lqg import LQG, RaceLQG
 from flexarm_baselines.lqg.race import race_plan
+from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.registry import controller
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
@@ -45,6 +46,8 @@ def test_another_race_is_refused() -> None:
         env = gymnasium.make(RACE, **RaceLQG.options() | options)
         with refuses(ValueError, "must be a race of the plan's arm"):
             RaceLQG.for_env(env)
+    with refuses(ValueError, "plan", "ways"):
+        RaceLQG.for_env(gymnasium.make(RACE, **RaceLQG.options()), load_plan("default_plain"))
     with refuses(ValueError, "action_mode = 'race'"):
         RaceLQG.for_env(gymnasium.make("FlexArm/Square-v0", **LQG.options()))
     assert Settings.of(RaceLQG.options()).mode.races

@@ -152,6 +152,7 @@ test_refusals = refused(
     (lambda: KalmanFilter(ARM, delay=-1.0), r"delay = -1\.0"),
     (lambda: KalmanFilter(ARM, quantities={"mass_of_payload": 1.0}), "mass_of_payload"),
     (lambda: KalmanFilter(ARM, quantities={"payload_mass": 0.0}), r"payload_mass.* = 0\.0"),
+    (lambda: KalmanFilter(ARM, quantities={"stiffness": 0.1}, drift={"stifness": 1.0}), "drift = 'stifness'"),
     (lambda: NoiseModel(tip=0.0), r"tip = 0\.0"),
     (lambda: KalmanFilter(ARM).start(np.zeros((2, 8))), r"state.*\(n, 12\)"),
     (
