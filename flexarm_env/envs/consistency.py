@@ -259,7 +259,8 @@ def checked_changes(name: str, value: Any) -> tuple[tuple[float, float | None], 
 
 def checked_previews(name: str, value: Any) -> tuple[float, ...]:
     """Check the horizons of the previews [s]; of a race [m]."""
-    return tuple(number(f"{name}[{n}]", x, "s", least=1e-6, most=1e5) for n, x in enumerate(listed(name, value)))
+    unit = "s; in a race m"
+    return tuple(number(f"{name}[{n}]", x, unit, least=1e-6, most=1e5) for n, x in enumerate(listed(name, value)))
 
 
 def checked_paths(name: str, value: Any) -> tuple[Any, ...]:

@@ -93,8 +93,9 @@ after the first 2 s, and the maximum. `flexarm_agents.evaluate(env, policy)` com
 ENDING = """\
 `max_episode_steps` truncates an episode. An episode terminates for one of the reasons below. `error_limit` and
 `deflection_limit` belong to the task: a learner that has lost the path does not spend the rest of the lap far from it,
-and links bent further are outside linear elasticity. The other reasons mean that the state is no longer valid; the
-reward of that step is 0, and its observation is the last valid one.
+and links bent further are outside linear elasticity. A race that is `finished` is done, and `own` is the user's. The
+other reasons mean that the state is no longer valid; the reward of that step is 0, and its observation is the last
+valid one.
 
 `info["end_code"]` is the reason's code in the step that terminates the episode, else 0; `flexarm_env.end_reason`
 returns its name. A time limit has no code, since Gymnasium's `TimeLimit` ends a single environment from outside: at the

@@ -51,8 +51,8 @@ class MotionOptions:
     control_period: float = option(0.01, "duration of an action", Number(1e-5, 1.0, "s"))
     physics_step: float | None = option(
         None,
-        "longest integration step; None: 0.25 ms for the gain, else as the arm demands: the tip's expected error "
-        "after a second of full random torques is at most 0.1 mm",
+        "longest integration step; None: 0.25 ms for the gain or less, else as the arm demands: the tip's expected "
+        "error after a second of full random torques is at most 0.1 mm",
         Optional(Number(1e-9, 1.0, "s")),
     )
     torque_limit: tuple[float, float] | None = own(

@@ -242,9 +242,9 @@ IDS: dict[str, Id] = {
             "elbow_branch": "negative",
             "error_limit": 0.25,
         },
-        "Go round the square three times, as fast as you can, within 25 cm of it",
+        "Go round the square three times, as fast as you can, within 25 cm of the target",
         "The race: there is no clock. A third number of the action is the speed at which the reference moves along the "
-        "square (contouring control with progress as an action), and whoever lets the tip leave it by 0.25 m is out. "
+        "square (contouring control with progress as an action), and a tip that is 0.25 m off it is out. "
         "The reward is progress, as a share of the fastest; previews are by distance along the path. What counts is "
         "the time of the first lap, from rest, of the fastest, and of all three. The path may be any closed one.",
     ),

@@ -28,7 +28,7 @@ def played_torques(torque: ArrayLike) -> Array:
     return torques
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """What was recorded of an arm, at equal intervals. A missing reading is NaN; a channel without any is None.
 

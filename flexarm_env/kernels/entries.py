@@ -124,7 +124,7 @@ class Setting(Names):
     CHANGE_PHASES = Entry("of the lap, at which the payload changes", "1", _payloads, _PAYLOADS)
     CHANGE_MASSES = Entry("payload from then on; NaN: the episode's", "kg", _payloads, _PAYLOADS)
     WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
-    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0, _ENVIRONMENT)
+    HORIZONS = Entry("horizons of previews, then the observations' factors", "s or m, 1 over the unit", 0, _ENVIRONMENT)
 
 
 class LaneSetting(Names):

@@ -20,7 +20,7 @@ _PAIRS = ("torque", "tip", "elbow", "rigid_tip", "tip_deflection")
 _REQUIRED = ("time", "state", *_PAIRS, "kinetic_energy", "strain_energy")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """A run sampled at n instants; m modes a link.
 

@@ -35,7 +35,7 @@ REFUSED: dict[tuple[str, type[Exception]], list[tuple[str, dict[str, Any]]]] = {
         (r"observation = 'tip': must be one of 'joint_angles', ", {"observation": ["tip"]}),
         (r"observation = \[\]: must hold at least one name, and each only once", {"observation": []}),
         (r"observation = .*: must hold .* each only once", {"observation": ["lap_phase"] * 2}),
-        (r"previews\[1\] = 0\.0: must be .* >= 1e-06 .* \[s\]", {"previews": (0.1, 0.0)}),
+        (r"previews\[1\] = 0\.0: must be .* >= 1e-06 .* \[s; in a race m\]", {"previews": (0.1, 0.0)}),
         (r"reference = 'heart': must be one of 'square', 'circle', .*'moves'", {"reference": "heart"}),
         (r"reference = 'moves': must be one of .*'waypoints'$", {"reference": ["square", "moves"]}),
         (r"waypoints = None: must be given with the reference 'waypoints'", {"reference": "waypoints"}),
