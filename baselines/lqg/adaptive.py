@@ -118,7 +118,7 @@ class AdaptiveLQG(LQG):
     values; the arm is driven by the pair whose innovations are smallest, with hysteresis (`least_in_doubt`).
 
     Equal tasks share a design, which takes long: its arrays are read-only. Unlike `LQG` it has no `kalman`,
-    `late` and `integrates`.
+    `late` or `integrates`.
 
     Attributes:
         filter: tables of all nodes of the grid, for each of these those of all plans.

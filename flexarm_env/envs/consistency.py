@@ -47,7 +47,7 @@ def _late(settings: Any) -> bool:
 
 NAMED = f"with a reference among {', '.join(map(repr, PATHS))}"
 # Options with the condition under which they have an effect, and that condition in words.
-_EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
+EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     # a race's horizons are distances: its id has other ones than the default, also where no block shows them
     "previews": (lambda s: "previews" in s.observation or s.mode.races, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
@@ -73,7 +73,7 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "lap_time": (
         lambda s: lap_of(s.waypoints) == s.lap_time or (lap_of(s.waypoints) is None and not s.mode.races),
-        "with way-points without times, where the last one's time is not the lap time; a race has no clock",
+        "without way-points that have times, whose last one is the lap time, and not in a race, which has no clock",
     ),
     "corner_time": (
         lambda s: s.reference not in (("moves",), ("drawn",), ("target",)),
@@ -106,7 +106,7 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
                 f"{name} = {shown(value)}: has no effect with action_mode = {settings.action_mode!r}; "
                 f"only with {' or '.join(map(repr, modes))}"
             )
-        has_effect, where = _EFFECT.get(name, (lambda s: True, ""))
+        has_effect, where = EFFECT.get(name, (lambda s: True, ""))
         if not has_effect(settings):
             raise ValueError(f"{name} = {shown(value)}: has no effect here; only {where}")
     _refuse_contradictions(settings)

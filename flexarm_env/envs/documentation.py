@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -18,6 +18,7 @@ from flexarm_env.actions import JOINTS, MODES, PACE, ActionMode, modes_reading
 from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
+from flexarm_env.envs.consistency import EFFECT
 from flexarm_env.envs.info import KEYS, Episode, info_keys
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
@@ -148,8 +149,9 @@ def _signs(signs: tuple[int, ...]) -> str:
     return ", ".join("+" if sign > 0 else "-" for sign in signs)
 
 
-def _only_in(modes: Sequence[str]) -> str:
-    return f" (only in mode {' or '.join(modes)})" if len(modes) < len(MODES) else ""
+def _only(modes: Collection[str], where: str = "") -> str:
+    limits = [f"in mode {' or '.join(modes)}"] * (len(modes) < len(MODES)) + [where] * bool(where)
+    return f" (only {', '.join(limits)})" if limits else ""
 
 
 def block_table(settings: Settings | None = None) -> str:
@@ -162,7 +164,7 @@ def block_table(settings: Settings | None = None) -> str:
                 block.unit,
                 block.reads or "",
                 "as the action" if block.mirror is None else _signs(block.mirror),
-                block.what + _only_in(block.modes),
+                block.what + _only(block.modes),
             )
             for name, block in BLOCKS.items()
         ]
@@ -234,7 +236,7 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
         if settings is not None and settings.action_mode not in modes:
             continue
         value = (options or {}).get(one.name, default_of(one))
-        text = one.metadata["text"] + (_only_in(modes) if settings is None else "")
+        text = one.metadata["text"] + _only(modes if settings is None else MODES, EFFECT.get(one.name, (None, ""))[1])
         rows.append((f"`{one.name}`", f"`{_python(value)}`", allowed.unit, allowed.text, text))
     return table(("argument", "default", "unit", "allowed", "what"), rows)
 
