@@ -79,6 +79,7 @@ def _first_frequency(arm: ArmParameters) -> float:
     return float(natural_modes(point, "locked").frequencies[0])
 
 
+# Options that differ from those of SquareUnknown-v0; beside them another id, or the name of an arm (`scaled`).
 PATHS: dict[str, dict[str, Any]] = {
     "square": {},
     "square, corners blended over 0.4 s": {"corner_time": 0.4},
@@ -167,7 +168,7 @@ def errors(found: Found) -> str:
     """Tabulate lost laps, median and 90th percentile."""
     return table(
         ("path", *(f"`{name}`" for name in ENTRIES)),
-        [(path, *(_cell(found[name][path]) for name in ENTRIES)) for path in PATHS],
+        [(path, *(_cell(found[name].get(path)) for name in ENTRIES)) for path in PATHS],
     )
 
 

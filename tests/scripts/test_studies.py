@@ -18,12 +18,8 @@ from flexarm_agents.evaluation.scoring import rank
 from flexarm_agents.training.config import config_of, read_config
 from flexarm_agents.training.loop import EVALUATION_SEED
 from flexarm_baselines.registry import CONTROLLERS
-from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.analysis import OperatingPoint, natural_modes
-from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from flexarm_env.parameters import arm_parameters
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.analysis.__main__ import STUDIES as OF_ANALYSIS
 from scripts.common.markdown import DOCS, shown_blocks
@@ -31,7 +27,7 @@ from scripts.common.study import Trials, run_all
 from scripts.control.__main__ import STUDIES
 from scripts.control.filtered import safety_filter_table
 from scripts.control.trials import cell, run_laps
-from scripts.learning import any_path, forecast, inverse
+from scripts.learning import forecast, inverse
 from scripts.learning import train as learning
 from scripts.learning.__main__ import STUDIES as OF_LEARNING
 from tests.support.refusals import refuses
@@ -292,26 +288,6 @@ def test_one_simulated_case_diverges_where_the_linear_theory_says(linear: dict[s
     found = test(own["delay_margin"] * np.geomspace(0.8, 1.25, simulated.LANES))
     assert not found[0]
     assert found[-1]
-
-
-def test_a_scaled_arm_vibrates_as_its_original_does_in_other_units() -> None:
-    options = any_path.scaled("quanser_measured")
-    own, ours = ArmParameters.named("quanser_measured"), ArmParameters()
-    scaled = arm_parameters(options["arm"])
-    angles = 0.0, 0.5 * np.pi
-    found, original, ordinary = (
-        natural_modes(OperatingPoint.at_angles(FlexibleArm(one), angles), "locked") for one in (scaled, own, ours)
-    )
-    pace = found.frequencies[0] / original.frequencies[0]
-    assert found.frequencies == pytest.approx(pace * original.frequencies, rel=1e-9)
-    assert found.frequencies[0] == pytest.approx(ordinary.frequencies[0], rel=1e-9)
-    poles, others = (
-        np.linalg.eigvals(OperatingPoint.at_angles(FlexibleArm(one), angles).linearisation.A) for one in (scaled, own)
-    )
-    assert np.sort(np.abs(poles)) == pytest.approx(pace * np.sort(np.abs(others)), rel=1e-6, abs=1e-6)
-    friction = IDS["Lab-v0"].options["torque_limit"][1] / own.coulomb_friction[1]
-    assert options["torque_limit"][1] / scaled.coulomb_friction[1] == pytest.approx(friction)
-    assert scaled.link_lengths == ours.link_lengths
 
 
 @pytest.mark.slow
