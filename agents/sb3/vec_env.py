@@ -139,7 +139,8 @@ class FlexArmVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Draw a picture of each environment, shape (size, size, 3); None without render mode."""
-        return self.env.render() or [None] * self.num_envs
+        drawn = None if self.render_mode is None else self.env.render()  # without one, `render` warns
+        return drawn or [None] * self.num_envs
 
     # --- attributes and methods through a VecEnv -------------------------------------------------------------------
 
