@@ -115,7 +115,7 @@ class Entry:
         if instance is None:
             return self
         present = _PRESENT.get(None)
-        if present is None:
+        if present is None:  # a fixed table's places are the same in all variants
             return instance.first(self.name)
         if self not in present.known:
             present.known[self] = instance.first(self.name)

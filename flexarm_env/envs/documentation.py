@@ -150,8 +150,9 @@ def _signs(signs: tuple[int, ...]) -> str:
 
 
 def _only(modes: Collection[str], where: str = "") -> str:
-    limits = [f"in mode {' or '.join(modes)}"] * (len(modes) < len(MODES)) + [where] * bool(where)
-    return f" (only {', '.join(limits)})" if limits else ""
+    mode = f"in mode {' or '.join(modes)}" if len(modes) < len(MODES) else ""
+    limits = ", ".join(filter(None, (mode, where)))
+    return f" (only {limits})" if limits else ""
 
 
 def block_table(settings: Settings | None = None) -> str:

@@ -165,7 +165,9 @@ def seeds(found: Found) -> str:
     trainings = [one for name, one in found.items() if name not in ENTRIES]
     head = ("path", "lost of all", f"lost of {OF_TRAINING}", *(f"{what} [mm]" for what in ERRORS))
     lines = []
-    for path in (path for path in PATHS if all(path in one for one in trainings)):
+    for path in PATHS:
+        if not all(path in one for one in trainings):
+            continue
         lost = [one[path]["lost"] for one in trainings]
         spreads = (Spread.of(one[path]["errors"][n] for one in trainings) for n in range(len(ERRORS)))
         whole = f"{sum(lost)} of {OF_TRAINING * len(lost)}"
