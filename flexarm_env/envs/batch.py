@@ -31,10 +31,9 @@ from flexarm_env.envs.own_paths import moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import States, Views, Words
-from flexarm_env.episode.race import FINISHED
+from flexarm_env.episode.observe import failures
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, segment, word
 from flexarm_env.kernels.layout import sizes_between
-from flexarm_env.kernels.states import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS
@@ -49,8 +48,6 @@ COSTS = {8: 1.0, 344: 36.0}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
 BESIDE = 4000  # bytes that an environment takes beside the kernels' memory: generator, observation, bounds, results
 OWN_END = -4.0  # the status that the option `termination` sets
-# Reasons beside those of a state (`observe.termination_status`, `race`).
-REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error", OWN_END: "own", FINISHED: "finished"}
 
 
 class BatchSimulator(LaneBatch):
@@ -108,7 +105,7 @@ class BatchSimulator(LaneBatch):
         rows = [fixed_rows(one) for one in kinds]
         self._put_rows(rows, kind_of)
         self._fixed = frozenset(rows[0]) - self.draws.rows
-        self.failures = failures(settings.flexible_arm.size) | REASONS
+        self.failures = failures(settings.flexible_arm.size) | {OWN_END: "own"}
         self.usual_requests = self._reset_requests[:count].copy()
         self.usual_requests.setflags(write=False)
         self._usual = True

@@ -72,7 +72,7 @@ EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     },
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "lap_time": (
-        lambda s: lap_of(s.waypoints) == s.lap_time or (lap_of(s.waypoints) is None and not s.mode.races),
+        lambda s: lap_time_of(s.waypoints) == s.lap_time or (lap_time_of(s.waypoints) is None and not s.mode.races),
         "without way-points that have times, whose last one is the lap time, and not in a race, which has no clock",
     ),
     "corner_time": (
@@ -215,7 +215,7 @@ def _ends(settings: Any, name: str, own: tuple[float, ...]) -> tuple[tuple[float
 def _refuse_laps(settings: Any) -> None:
     """Refuse that episodes draw the time of a lap where it is fixed."""
     label, shortest = "randomisation['lap_time']", settings.laps[0]
-    if lap_of(settings.waypoints) is not None:
+    if lap_time_of(settings.waypoints) is not None:
         raise ValueError(f"{label}: the way-points have times, or are a function of it; must be left out")
     if settings.reference == ("target",):
         raise ValueError(f"{label}: a target that is moved has no lap; must be left out")
@@ -298,7 +298,7 @@ def _checked_table(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in finite_array(name, given, given.shape, most=FARTHEST).tolist())
 
 
-def lap_of(waypoints: Any) -> float | None:
+def lap_time_of(waypoints: Any) -> float | None:
     """Return when way-points with times end the lap [s]; None: they have no times.
 
     Raises:

@@ -14,7 +14,7 @@ from flexarm_env.actions import IDEAL_MOTORS, MODES, TORQUE_LIMIT, ActionMode, m
 from flexarm_env.allowed import allowed_of, check_fields
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import REACH
-from flexarm_env.envs.consistency import lap_of, refuse_options_without_effect
+from flexarm_env.envs.consistency import lap_time_of, refuse_options_without_effect
 from flexarm_env.envs.corners import as_given, ends, worst
 from flexarm_env.envs.distributions import ends_of
 from flexarm_env.envs.options import OF_PATHS, Options
@@ -80,7 +80,7 @@ class Settings(Options):
         if self.start_spread in (None, spread):
             declared["start_spread"] = self.start_spread, declared["start_spread"][1]
         refuse_options_without_effect(self, declared)
-        if (lap := lap_of(self.waypoints)) is not None:
+        if (lap := lap_time_of(self.waypoints)) is not None:
             object.__setattr__(self, "lap_time", allowed_of(type(self), "lap_time").check("waypoints[-1][0]", lap))
         if self.sensor_position is None:
             object.__setattr__(self, "sensor_position", arm.link_lengths[1])

@@ -15,9 +15,9 @@ from flexarm_env.codegen.arrays import Arena, LaneRow, Words
 from flexarm_env.codegen.declarations import Function, chosen_by_program, per_lane
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.disturbances import push_tips
+from flexarm_env.episode.features import joint_kernel
 from flexarm_env.episode.payload import change_payloads
 from flexarm_env.episode.race import move_references
-from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step

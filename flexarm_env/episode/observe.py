@@ -22,15 +22,14 @@ from flexarm_env.codegen.intrinsics import TILE, write_tile
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.disturbances import read_gauges
+from flexarm_env.episode.features import features_kernel, joint_kernel
 from flexarm_env.episode.payload import NEAR
-from flexarm_env.episode.race import lap_of, note_finish
-from flexarm_env.episode.recorded import features_kernel, joint_kernel
+from flexarm_env.episode.race import FINISHED, note_finish
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import truth_kernel
-from flexarm_env.kernels.reference import follow_reference, path_time
-from flexarm_env.kernels.states import state_status
+from flexarm_env.kernels.reference import follow_reference, lap_of, path_time
 from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD, reference_at
@@ -214,6 +213,30 @@ def termination_status(arena: Arena, settings: Table) -> None:
         for n in range(variant.reward_terms):
             term = arena[row.REWARD_TERMS + n, i]
             arena[row.REWARD_TERMS + n, i] = term if status == 0.0 else 0.0
+
+
+def state_status(arena: Arena) -> None:
+    """Write each lane's status: 0 if its state is valid, -1 if not finite, n if entry n - 1 is beyond its limit."""
+    for i in range(variant.lanes):
+        status = 0.0
+        for r in range(2 * variant.size - 1, -1, -1):
+            beyond = not abs(arena[row.STATE + r, i]) <= arena[row.LIMITS + r, i]
+            status = r + 1.0 if beyond else status
+        for r in range(2 * variant.size):
+            value = arena[row.STATE + r, i]
+            status = status if value - value == 0.0 else -1.0
+        arena[row.STATUS, i] = status
+
+
+def failures(size: int) -> dict[float, str | None]:
+    """Return the reason for which the kernels end an episode, by its status; 0 is that of a valid state.
+
+    Args:
+        size: number of internal coordinates.
+    """
+    entries = ("angle", "angle", *["deflection"] * (size - 2), *["rate"] * size)
+    others = {0.0: None, -1.0: "diverged", -2.0: "deflection", -3.0: "error", FINISHED: "finished"}
+    return others | {1.0 + n: reason for n, reason in enumerate(entries)}
 
 
 def write_previews(block: Block) -> None:

@@ -10,21 +10,13 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.reference import lap_of
 from flexarm_env.kernels.variants import Block, variant
 
 FINISHED = -5.0  # the status of a race whose laps are done
 DONE = 1e-9  # of a lap; a way that is shorter by it is a whole lap, whatever the rounding
-
-
-@per_lane
-def lap_of(block: Block, i: int) -> float:
-    """Return the time of a lap of lane i [s]; of a race its length [m]."""
-    if variant.racing:
-        return block.paths[block.clock[clock_row.PATH, i], block.paths.shape[1] - 1, 0]
-    return block.arena[row.LAP, i]
 
 
 def begin_race(block: Block, i: int) -> None:

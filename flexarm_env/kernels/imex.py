@@ -1,4 +1,4 @@
-"""Drivers of the implicit-explicit integrator under the paper's law: its start, and loops over lanes, stages and steps.
+"""The implicit-explicit integrator under the paper's law: one stage, recorded; drivers over lanes, stages and steps.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
 quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). These functions are compiled
@@ -8,16 +8,55 @@ as they stand for each variant (`compiler`), and run in plain Python for reading
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock
+from flexarm_env.codegen.arrays import Arena, Clock, Four
 from flexarm_env.codegen.declarations import per_lane
+from flexarm_env.control import jacobian_transpose
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row, segment
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import law_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.reference import cache_segment, invalidate_segment, on_segment
-from flexarm_env.kernels.tableau import EXPLICIT, IMEX_STAGES, IMPLICIT, NODES
-from flexarm_env.kernels.variants import Block, variant
+from flexarm_env.kernels.tableau import EXPLICIT, GAMMA, IMEX_STAGES, IMPLICIT, NODES
+from flexarm_env.kernels.variants import Block, Variant, variant
 from flexarm_env.physics.polyline import chord_at
+
+
+def law_record(variant: Variant) -> Recorder:
+    """Record one stage of the closed loop."""
+    r = Recorder(variant)
+    h, ahead = r.trace.number("h"), r.trace.number("ahead")
+    y, v_known = r.read("Y"), r.read("V")
+    size = len(y)
+    slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
+    for slot in range(IMEX_STAGES):
+        explicit, implicit = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
+        v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
+        y = [a + explicit * b for a, b in zip(y, v, strict=True)]
+        v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
+    law = r.law()
+    here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
+    law = law._replace(command_1=here[0], command_2=here[1])
+    options = (variant.complete, variant.sensor if variant.law_on_sensor else "rigid", variant.rate_jacobian)
+    stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * GAMMA)
+    r.write("Y_STAGE", y)
+    r.write("V_STAGE", stage.v)
+    r.write("MECHANICAL", stage.mechanical)
+    r.write("FEEDBACK", stage.feedback)
+    r.write("TAU", stage.tau)
+    return r
+
+
+@recorded_kernel(law_record)
+def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
+    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
+
+    Args:
+        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        h: step [s].
+        ahead: time of the stage after the step's start [s].
+        explicit: coefficients of the stages before, explicit part.
+        implicit: the same, implicit part.
+    """
 
 
 def prepare_commands(block: Block, h: float) -> None:

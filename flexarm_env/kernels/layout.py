@@ -304,7 +304,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`states.state_status`, `observe.termination_status`)", "1", 1, _ENVIRONMENT)
+    STATUS = Entry("0 for a valid state (`observe.state_status`, `termination_status`)", "1", 1, _ENVIRONMENT)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",

@@ -1,16 +1,16 @@
-"""The recorded kernels of the arm and of the paper's law (`recorder`)."""
+"""The recorded kernels of the arm (`recorder`)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_env.codegen.arrays import Arena, Four, LaneRows
+from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import clip, where_less
-from flexarm_env.control import jacobian_transpose, joint_tracking
+from flexarm_env.control import joint_tracking
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_theta2
-from flexarm_env.kernels.tableau import GAMMA, IMEX_STAGES, RK4_NODES, RK4_WEIGHTS
+from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import motors, sensing
@@ -163,44 +163,6 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
         arena: arena of one block; V, P and FORCE belong together (`momentum_kernel`).
         h: step [s].
         bases: see `actuation.spline_factors`, at the step's start, middle and end; under the joint-space law only.
-    """
-
-
-def law_record(variant: Variant) -> Recorder:
-    """Record one stage of the closed loop."""
-    r = Recorder(variant)
-    h, ahead = r.trace.number("h"), r.trace.number("ahead")
-    y, v_known = r.read("Y"), r.read("V")
-    size = len(y)
-    slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
-    for slot in range(IMEX_STAGES):
-        explicit, implicit = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
-        v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
-        y = [a + explicit * b for a, b in zip(y, v, strict=True)]
-        v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
-    law = r.law()
-    here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
-    law = law._replace(command_1=here[0], command_2=here[1])
-    options = (variant.complete, variant.sensor if variant.law_on_sensor else "rigid", variant.rate_jacobian)
-    stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * GAMMA)
-    r.write("Y_STAGE", y)
-    r.write("V_STAGE", stage.v)
-    r.write("MECHANICAL", stage.mechanical)
-    r.write("FEEDBACK", stage.feedback)
-    r.write("TAU", stage.tau)
-    return r
-
-
-@recorded_kernel(law_record)
-def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
-    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
-
-    Args:
-        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
-        h: step [s].
-        ahead: time of the stage after the step's start [s].
-        explicit: coefficients of the stages before, explicit part.
-        implicit: the same, implicit part.
     """
 
 

@@ -22,6 +22,14 @@ def path_time(arena: Arena, clock: Clock, h: float, ahead: float, i: int) -> flo
 
 
 @per_lane
+def lap_of(block: Block, i: int) -> float:
+    """Return the time of a lap of lane i [s]; of a race its length [m]."""
+    if variant.racing:
+        return block.paths[block.clock[clock_row.PATH, i], block.paths.shape[1] - 1, 0]
+    return block.arena[row.LAP, i]
+
+
+@per_lane
 def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
     """Note for lane i, from a row on, the side that path p is on at a time [s] (`Segment`); return its number."""
     lap, k = segment_of(paths, p, time)

@@ -1,4 +1,4 @@
-"""Drivers between public states and the internal ones (`dynamics.internal_coordinates`), and the status of a state."""
+"""Drivers between public states and the internal ones (`dynamics.internal_coordinates`)."""
 
 from __future__ import annotations
 
@@ -108,26 +108,3 @@ def store_states(arena: Arena, states: States, first: int) -> None:
     """Copy the states of a block out."""
     for i in range(min(variant.lanes, states.shape[0] - first)):
         store_state(arena, i, row.Y, states[first + i])
-
-
-def state_status(arena: Arena) -> None:
-    """Write each lane's status: 0 if its state is valid, -1 if not finite, n if entry n - 1 is beyond its limit."""
-    for i in range(variant.lanes):
-        status = 0.0
-        for r in range(2 * variant.size - 1, -1, -1):
-            beyond = not abs(arena[row.STATE + r, i]) <= arena[row.LIMITS + r, i]
-            status = r + 1.0 if beyond else status
-        for r in range(2 * variant.size):
-            value = arena[row.STATE + r, i]
-            status = status if value - value == 0.0 else -1.0
-        arena[row.STATUS, i] = status
-
-
-def failures(size: int) -> dict[float, str | None]:
-    """Return the reason for which a state is not valid, by its status (`state_status`); 0 is that of a valid one.
-
-    Args:
-        size: number of internal coordinates.
-    """
-    entries = ("angle", "angle", *["deflection"] * (size - 2), *["rate"] * size)
-    return {0.0: None, -1.0: "diverged"} | {1.0 + n: reason for n, reason in enumerate(entries)}

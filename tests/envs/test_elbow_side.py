@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
-from flexarm_env.episode import observe, recorded
+from flexarm_env.episode import features, observe
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.kernels.entries import Setting, extent, setting
 from flexarm_env.kernels.layout import row
@@ -64,7 +64,7 @@ def test_the_present_side_is_aimed_at(branch: float) -> None:
         settings[setting.LENGTHS : setting.LENGTHS + 2], arena[row.BRANCH] = lengths, branch
         arena[row.REFERENCE : row.REFERENCE + 4] = np.array([*point, *velocity])[:, None]
         arena[row.MEASURED_SIDE] = branch, -branch, 0.0
-        recorded.joint_kernel(arena, *lengths)
+        features.joint_kernel(arena, *lengths)
         observe.aim_on_present_side(arena, settings)
         joint, present = (arena[first : first + 4] for first in (row.REFERENCE_JOINTS, row.PRESENT_JOINT))
     np.testing.assert_array_equal(present[:, [0, 2]], joint[:, [0, 2]])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.episode.observe import failures, state_status
 from flexarm_env.episode.step import GAIN
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.states import failures, state_status
 from flexarm_env.kernels.variants import Variant
 
 
