@@ -6,182 +6,97 @@ Messages, documentation and tests read the same declarations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Sequence
+from dataclasses import field, fields
+from functools import partial
 from numbers import Real
-from typing import Any, Protocol
+from typing import Any
 
 from flexarm_env.validation import choice, flag, integer, number, pair
 
-
-class Allowed(Protocol):
-    """What a field may be."""
-
-    @property
-    def unit(self) -> str:
-        """Physical unit; "" for none."""
-
-    @property
-    def text(self) -> str:
-        """The allowed values in words, for the documentation."""
-
-    def check(self, name: str, value: Any) -> Any:
-        """Return the value in its canonical type."""
+Check = Callable[[str, Any], Any]
 
 
-@dataclass(frozen=True)
-class Number:
-    """A finite number in [least, most].
+class Allowed:
+    """What a field may be.
 
     Attributes:
-        least: lowest value.
-        most: highest value.
-        unit: physical unit.
+        check: takes the name and the value, and returns the value in its canonical type.
+        unit: physical unit; "" for none.
+        text: the allowed values in words, for the documentation.
     """
 
-    least: float
-    most: float
-    unit: str = ""
-
-    @property
-    def text(self) -> str:
-        """See `Allowed`."""
-        return f"{self.least:.6g} to {self.most:.6g}"
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return number(name, value, self.unit, least=self.least, most=self.most)
+    def __init__(self, check: Check, unit: str = "", text: str = "") -> None:
+        self.check, self.unit, self.text = check, unit, text
 
 
-@dataclass(frozen=True)
+class Custom(Allowed):
+    """What a function checks, as declared by itself."""
+
+
+class Number(Allowed):
+    """A finite number in [least, most]."""
+
+    def __init__(self, least: float, most: float, unit: str = "") -> None:
+        self.least, self.most = least, most
+        super().__init__(partial(number, unit=unit, least=least, most=most), unit, f"{least:.6g} to {most:.6g}")
+
+
 class Pair(Number):
     """Two finite numbers, one for each link or joint, each in [least, most]."""
 
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return pair(name, value, self.unit, least=self.least, most=self.most)
+    def __init__(self, least: float, most: float, unit: str = "") -> None:
+        super().__init__(least, most, unit)
+        self.check = partial(pair, unit=unit, least=least, most=most)
 
 
-@dataclass(frozen=True)
 class ZeroOr(Number):
     """0, or a finite number in [least, most]."""
 
-    @property
-    def text(self) -> str:
-        """See `Allowed`."""
-        return f"0, or {super().text}"
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        zero = isinstance(value, Real) and not isinstance(value, bool) and value == 0
-        return 0.0 if zero else super().check(name, value)
+    def __init__(self, least: float, most: float, unit: str = "") -> None:
+        super().__init__(least, most, unit)
+        self.check, self.text = partial(_zero_or, self.check), f"0, or {self.text}"
 
 
-@dataclass(frozen=True)
-class Integer:
-    """An integer in [least, most].
-
-    Attributes:
-        least: lowest value.
-        most: highest value.
-        unit: none.
-    """
-
-    least: int
-    most: int
-    unit: str = ""
-
-    @property
-    def text(self) -> str:
-        """See `Allowed`."""
-        return f"{self.least} to {self.most}"
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return integer(name, value, self.least, self.most)
+def _zero_or(other: Check, name: str, value: Any) -> Any:
+    zero = isinstance(value, Real) and not isinstance(value, bool) and value == 0
+    return 0.0 if zero else other(name, value)
 
 
-@dataclass(frozen=True)
-class OneOf:
-    """One of some names.
+class Integer(Allowed):
+    """An integer in [least, most]."""
 
-    Attributes:
-        names: the names.
-        unit: none.
-    """
-
-    names: tuple[str, ...]
-    unit: str = ""
-
-    @property
-    def text(self) -> str:
-        """See `Allowed`."""
-        return ", ".join(f'"{name}"' for name in self.names)
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return choice(name, value, self.names)
+    def __init__(self, least: int, most: int) -> None:
+        self.least, self.most = least, most
+        super().__init__(partial(integer, least=least, most=most), text=f"{least} to {most}")
 
 
-@dataclass(frozen=True)
-class Flag:
-    """True or False.
+class OneOf(Allowed):
+    """One of some names."""
 
-    Attributes:
-        unit: none.
-        text: see `Allowed`.
-    """
-
-    unit: str = ""
-    text: str = "True, False"
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return flag(name, value)
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        super().__init__(partial(choice, allowed=self.names), text=", ".join(f'"{name}"' for name in names))
 
 
-@dataclass(frozen=True)
-class Custom:
-    """What a function checks.
+class Flag(Allowed):
+    """True or False."""
 
-    Attributes:
-        function: takes the name and the value, and returns the value in its canonical type.
-        unit: physical unit.
-        text: see `Allowed`.
-    """
-
-    function: Callable[[str, Any], Any]
-    unit: str = ""
-    text: str = ""
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return self.function(name, value)
+    def __init__(self) -> None:
+        super().__init__(flag, text="True, False")
 
 
-@dataclass(frozen=True)
-class Optional:
-    """None, or what another declaration allows.
+class Optional(Allowed):
+    """None, or what another declaration allows."""
 
-    Attributes:
-        other: that declaration.
-    """
+    def __init__(self, other: Allowed) -> None:
+        self.other = other
+        text = f"None, or {other.text}" if other.text else ""
+        super().__init__(partial(_none_or, other.check), other.unit, text)
 
-    other: Allowed
 
-    @property
-    def unit(self) -> str:
-        """See `Allowed`."""
-        return self.other.unit
-
-    @property
-    def text(self) -> str:
-        """See `Allowed`."""
-        return f"None, or {self.other.text}" if self.other.text else ""
-
-    def check(self, name: str, value: Any) -> Any:
-        """See `Allowed`."""
-        return None if value is None else self.other.check(name, value)
+def _none_or(other: Check, name: str, value: Any) -> Any:
+    return None if value is None else other(name, value)
 
 
 def declared(default: Any, allowed: Allowed, name: str | None = None, **metadata: Any) -> Any:
