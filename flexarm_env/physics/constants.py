@@ -224,30 +224,28 @@ class ConstantChanges(NamedTuple):
 
 def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> ConstantChanges:
     """Return how the constants of an arm change with what may differ between arms of its kind."""
-
-    def flat(**changes: Any) -> np.ndarray:
-        return np.array(arm_constants(replace(parameters, **changes), modes).flat())
-
-    foreshortened = parameters.kinematics == "foreshortened"
-    dry = any(parameters.breakaway)
-    sizes = dict(zip(Constants._fields, Constants.sizes(parameters.modes_per_link, foreshortened, dry), strict=True))
+    k, ones = arm_constants(parameters, modes), (1.0,) * parameters.modes_per_link
+    light, heavy = (arm_constants(replace(parameters, payload_mass=mass), modes) for mass in (0.0, 1.0))
     return ConstantChanges(
-        base=flat(),
+        base=np.array(k.flat()),
         own=np.array([parameters.payload_mass, 1.0, parameters.damping_ratio]),
-        payload_mass=flat(payload_mass=1.0) - flat(payload_mass=0.0),
-        damping=_by_damping(parameters, modes),
-        elastic=np.concatenate([np.full(1 if n is None else n, float(name in _ELASTIC)) for name, n in sizes.items()]),
+        payload_mass=np.array(heavy.flat()) - np.array(light.flat()),
+        damping=_by_damping(k, parameters, modes),
+        elastic=_alone(k, stiffness_1=ones, stiffness_2=ones),
     )
 
 
-def _by_damping(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> np.ndarray:
-    """Return how the constants of an arm change with its damping ratio; flat as `Constants.flat`."""
+def _by_damping(k: Constants, parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> np.ndarray:
+    """Return how the constants k of an arm change with its damping ratio; flat as `Constants.flat`."""
     unit = replace(parameters, damping_ratio=1.0)
-    foreshortened, dry = parameters.kinematics == "foreshortened", any(parameters.breakaway)
-    sizes = Constants.sizes(parameters.modes_per_link, foreshortened, dry)
-    zeros: list[Any] = [0.0 if n is None else (0.0,) * n for n in sizes]
     one, two = (_floats(link_damping(unit, link)) for link in modes)
-    return np.array(Constants(*zeros)._replace(damping_1=one, damping_2=two).flat())
+    return _alone(k, damping_1=one, damping_2=two)
+
+
+def _alone(k: Constants, **fields: Vector) -> np.ndarray:
+    """Return some fields among zeros in the place of all others; flat as `k.flat`."""
+    zeros = [(0.0,) * len(each) if isinstance(each, tuple) else 0.0 for each in k]
+    return np.array(Constants(*zeros)._replace(**fields).flat())
 
 
 def changes_of_like(parameters: ArmParameters, like: ConstantChanges) -> ConstantChanges:
@@ -256,9 +254,9 @@ def changes_of_like(parameters: ArmParameters, like: ConstantChanges) -> Constan
     The change with the payload is taken from `like`; it is the same to rounding error.
     """
     modes = arm_modes(parameters)
-    base = np.array(arm_constants(parameters, modes).flat())
+    k = arm_constants(parameters, modes)
     own = np.array([parameters.payload_mass, 1.0, parameters.damping_ratio])
-    return like._replace(base=base, own=own, damping=_by_damping(parameters, modes))
+    return like._replace(base=np.array(k.flat()), own=own, damping=_by_damping(k, parameters, modes))
 
 
 def varied_constants(k: Constants, derivatives: Sequence[Constants], directions: Sequence[Any]) -> Constants:

@@ -196,14 +196,7 @@ class Truth(NamedTuple):
 
 
 def truth(k: Constants, tip: PointShape, y: Sequence[Any], v: Sequence[Any]) -> Truth:
-    """Return public state, tips and deflections.
-
-    Args:
-        k: constants of the arm.
-        tip: tip of link 2.
-        y: internal coordinates.
-        v: internal rates.
-    """
+    """Return public state, tips and deflections of an arm; `tip`: that of link 2."""
     m = len(k.elbow_values)
     theta1, theta2 = joint_angles(k, y)
     one, two = sincos(y[0]), sincos(y[m + 1])
@@ -238,12 +231,5 @@ OUTPUT_SIZES = Outputs(4, 4, 2, 2, 2, 2)
 
 def outputs(k: Constants, tip: PointShape, sensor: PointShape, y: Sequence[Any], v: Sequence[Any]) -> Outputs:
     """Return what sensors read of the arm and where its tips are; `sensor`: its point of link 2, `tip`: link 2's."""
-    known = truth(k, tip, y, v)
-    return Outputs(
-        angles_reading(k, sensor, y, v),
-        point_reading(k, sensor, y, v),
-        known.true_tip,
-        known.rigid_tip,
-        known.deflection,
-        known.deflection_rate,
-    )
+    _, *known = truth(k, tip, y, v)
+    return Outputs(angles_reading(k, sensor, y, v), point_reading(k, sensor, y, v), *known)
