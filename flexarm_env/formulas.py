@@ -51,13 +51,7 @@ def step(
 ) -> list[Any]:
     """Return the state after one step of the classical Runge-Kutta method of positions and momenta, the torque held.
 
-    Args:
-        arm: the arm.
-        state: 4 + 4 m numbers, as the result.
-        torque: torque of shoulder and elbow [N m].
-        h: step [s].
-        sin: sine of the engine.
-        cos: cosine of the engine.
+    `h`: the step [s]; other arguments as in `state_rate`.
     """
     k, n = arm.constants, arm.size
     e, complete = elimination(k), arm.parameters.velocity_forces == "complete"

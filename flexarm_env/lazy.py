@@ -24,7 +24,6 @@ else:
             self.__doc__ = function.__doc__
 
         def __set_name__(self, owner: type, name: str) -> None:
-            """Note the name under which the value is kept."""
             self._name = name
 
         @overload

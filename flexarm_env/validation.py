@@ -25,7 +25,6 @@ class _Short(reprlib.Repr):
     """Repr of any value, cut where it is long."""
 
     def __init__(self) -> None:
-        """Set how much is shown of each kind."""
         super().__init__()
         self.maxstring = self.maxother = self.maxlong = _LONGEST
         self.maxlist = self.maxtuple = self.maxdict = self.maxset = self.maxfrozenset = self.maxdeque = 24

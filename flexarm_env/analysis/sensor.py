@@ -46,7 +46,6 @@ class Sensor:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate."""
         choice("kind", self.kind, KINDS)
         integer("link", self.link, 1, 2)
         if self.kind == "rigid point" and self.link != 2:

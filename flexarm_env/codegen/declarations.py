@@ -73,7 +73,6 @@ class PresentVariant:
     """The variant that drivers run for, as a name that they import; compiled, its attributes are constants."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the present variant."""
         known = _of_context().known
         if name not in known:
             known[name] = getattr(present_variant(), name)
@@ -99,11 +98,9 @@ class Entry:
     def __init__(
         self, meaning: str, unit: str, size: int | Callable[[Any], int] = 1, groups: Iterable[str] = ()
     ) -> None:
-        """Declare it, as an attribute of a subclass of `Names`."""
         self.meaning, self.unit, self.size, self.groups = meaning, unit, size, frozenset(groups)
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Keep the name."""
         self.name = name
 
     @overload
@@ -139,7 +136,6 @@ class Names:
     entries: ClassVar[tuple[Entry, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        """Collect the parts."""
         cls.entries += tuple(part for part in vars(cls).values() if isinstance(part, Entry))
 
     @classmethod
@@ -200,7 +196,6 @@ class Intrinsic(Generic[P, R]):
     __name__: str
 
     def __init__(self, meaning: Callable[P, R], code: Function) -> None:
-        """See `intrinsic`."""
         self.meaning, self.code = meaning, code
         update_wrapper(self, meaning)
 
@@ -224,7 +219,6 @@ class Recorded(Generic[P, R]):
     __name__: str
 
     def __init__(self, signature: Callable[P, R], recording: Callable[[Any], Recording]) -> None:
-        """Declare it by its signature."""
         self.recording = recording
         update_wrapper(self, signature)
 
@@ -240,23 +234,17 @@ def _in_python(function: Recorded[..., Any], variant: Any) -> Function:
 
 
 class Chosen(Generic[P, R]):
-    """A function that each program chooses (`Program.hooks`)."""
+    """A function that is declared by its signature; each program names the one that it has (`Program.hooks`)."""
 
     __name__: str
 
     def __init__(self, signature: Callable[P, R]) -> None:
-        """See `chosen_by_program`."""
         update_wrapper(self, signature)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Run the one of the present variant's program."""
         function: Callable[P, R] = present_variant().program.hooks[self.__name__]
         return function(*arguments, **named)
-
-
-def chosen_by_program(signature: Callable[P, R]) -> Chosen[P, R]:
-    """Declare a function by its signature; each program names the one that it has under this name."""
-    return Chosen(signature)
 
 
 def per_lane(function: F) -> F:
@@ -281,7 +269,7 @@ class Program:
         entry_points: functions that Python calls.
         single_entry_points: those of a block of one lane; none: the same.
         groups: groups of parts that its tables have (`Entry`).
-        hooks: functions that it chooses (`chosen_by_program`), by name.
+        hooks: functions that it chooses (`Chosen`), by name.
         reward_terms: how many.
         allocation_free: Python calls the entry points only, and nothing allocates memory.
         description: what it does, for the user who waits for the compiler.
@@ -297,7 +285,6 @@ class Program:
     description: str = ""
 
     def __repr__(self) -> str:
-        """Its name."""
         return self.name
 
     def entries(self, lanes: int) -> tuple[Any, ...]:

@@ -24,18 +24,17 @@ Array = NDArray[np.float64]
 
 
 class Dual(Symbol):
-    """A value and its tangents by direction; arithmetic on it follows the rules of differentiation."""
+    """A number that varies; arithmetic on it follows the rules of differentiation, and a literal 0 leaves 0.
+
+    Attributes:
+        value: at the point.
+        tangents: derivative along each direction; a direction that is not among them has none.
+    """
 
     __slots__ = ("tangents", "value")
     rank = 1
 
     def __init__(self, value: Any, tangents: Tangents) -> None:
-        """Hold a value with its tangents.
-
-        Args:
-            value: at the point.
-            tangents: derivative along each direction; a direction that is not among them has none.
-        """
         self.value = value
         self.tangents = tangents
 
@@ -44,46 +43,37 @@ class Dual(Symbol):
         return _RULES[function](*arguments)
 
     def __add__(self, other: Any) -> Any:
-        """Sum."""
         return Dual(self.value + value(other), _sum(self.tangents, tangents(other)))
 
     def __radd__(self, other: Any) -> Any:
-        """Reflected sum."""
         return Dual(other + self.value, self.tangents)
 
     def __sub__(self, other: Any) -> Any:
-        """Difference."""
         return Dual(self.value - value(other), _difference(self.tangents, tangents(other)))
 
     def __rsub__(self, other: Any) -> Any:
-        """Reflected difference."""
         return Dual(other - self.value, _difference({}, self.tangents))
 
     def __mul__(self, other: Any) -> Any:
-        """Product; with a literal zero nothing varies."""
         if _is_zero(other):
             return 0.0
         own, others = _scaled(self.tangents, value(other)), _scaled(tangents(other), self.value)
         return Dual(self.value * value(other), _sum(own, others))
 
     def __rmul__(self, other: Any) -> Any:
-        """Reflected product."""
         return 0.0 if _is_zero(other) else Dual(other * self.value, _scaled(self.tangents, other))
 
     def __truediv__(self, other: Any) -> Any:
-        """Quotient."""
         reciprocal = 1.0 / value(other)
         quotient = self.value / value(other)
         others = _scaled(tangents(other), -(quotient * reciprocal))
         return Dual(quotient, _sum(_scaled(self.tangents, reciprocal), others))
 
     def __rtruediv__(self, other: Any) -> Any:
-        """Reflected quotient."""
         quotient = other / self.value
         return Dual(quotient, _scaled(self.tangents, -(quotient / self.value)))
 
     def __neg__(self) -> Any:
-        """Negative."""
         return Dual(-self.value, _scaled(self.tangents, -1.0))
 
 

@@ -67,11 +67,7 @@ class Trace:
     """A growing list of operations, each on inputs, literals and earlier operations."""
 
     def __init__(self, inlining: bool = False) -> None:
-        """Start empty.
-
-        Args:
-            inlining: formulas that are recorded once elsewhere (`recorded_once`) become part of this record.
-        """
+        """Start empty; `inlining`: formulas that are recorded once elsewhere (`recorded_once`) become part of it."""
         self.inlining = inlining
         self._operations: list[Operation] = []
         self._known: dict[Operation, Expression] = {}
@@ -176,7 +172,7 @@ def _asked(arguments: Sequence[Any]) -> Symbol | None:
 
 
 class Expression(Symbol):
-    """A number that is not known yet; arithmetic on it is recorded."""
+    """A number that is not known yet; arithmetic on it is recorded, unless a literal 0 or 1 spares it."""
 
     __slots__ = ("index", "trace")
 
@@ -203,43 +199,34 @@ class Expression(Symbol):
         return tuple(results) if count > 1 else results[0]
 
     def __add__(self, other: Any) -> Any:
-        """Sum; adding a literal zero records nothing."""
         return self if _is(other, 0.0) else self._record("add", self, other)
 
     def __radd__(self, other: Any) -> Any:
-        """Reflected sum."""
         return self if _is(other, 0.0) else self._record("add", other, self)
 
     def __sub__(self, other: Any) -> Any:
-        """Difference."""
         return self if _is(other, 0.0) else self._record("subtract", self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        """Reflected difference."""
         return -self if _is(other, 0.0) else self._record("subtract", other, self)
 
     def __mul__(self, other: Any) -> Any:
-        """Product; a literal zero or one records nothing."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
         return self._record("multiply", self, other)
 
     def __rmul__(self, other: Any) -> Any:
-        """Reflected product."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
         return self._record("multiply", other, self)
 
     def __truediv__(self, other: Any) -> Any:
-        """Quotient."""
         return self._record("divide", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        """Reflected quotient."""
         return self._record("divide", other, self)
 
     def __neg__(self) -> Any:
-        """Negative."""
         return self._record("negate", self)
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, LaneRow, Words
-from flexarm_env.codegen.declarations import Function, chosen_by_program, per_lane
+from flexarm_env.codegen.declarations import Chosen, Function, per_lane
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.disturbances import push_tips
 from flexarm_env.episode.features import joint_kernel
@@ -59,7 +59,7 @@ def drives(
     return enter
 
 
-@chosen_by_program
+@Chosen
 def drive(block: Block) -> None:
     """Move the arm over a control period: one of `DRIVES`, as the program says."""
 

@@ -47,7 +47,6 @@ class Recording:
     tip: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check the arrays."""
         number("period", self.period, "s", above=0.0)
         torques = played_torques(self.torque)
         object.__setattr__(self, "torque", torques)

@@ -88,14 +88,7 @@ def point_force(k: Constants, at: PointShape, y: Vector, force: Vector, axes: tu
 
 
 def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
-    """Return M(y), full and symmetric, in the order of y.
-
-    Args:
-        k: constants.
-        y: internal coordinates.
-        cos: C, cosine of a2 - a1.
-        sin: S, sine of a2 - a1.
-    """
+    """Return M(y), full and symmetric, in the order of y; `cos`, `sin`: C and S of a2 - a1."""
     m = len(k.elbow_slopes)
     q1, q2 = y[1 : m + 1], y[m + 2 :]
     (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
@@ -223,11 +216,6 @@ def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]
 
     In joint coordinates only the two joint rows are not zero; the virtual work of the elbow's row gives link 1's
     modal rows -phi'(L1) times it.
-
-    Args:
-        k: constants.
-        v: internal rates.
-        sin_theta2: sine of the joint angle theta2.
     """
     rate1, rate2 = joint_angles(k, v)
     mass = k.static_moment_2 * k.elbow_distance * sin_theta2
@@ -299,19 +287,10 @@ def acceleration(
 def imbalance(
     k: Constants, complete: bool, y: Vector, v: Vector, rates: Vector, tau: Vector, angles: tuple[Any, Any, Any]
 ) -> list[Any]:
-    """Return the right-hand side of (6) less M(y) v': zero where v' is the acceleration.
+    """Return the right-hand side of (6) less M(y) v': zero where `rates`, v', are the acceleration.
 
     Its derivatives need no derivative of a factorisation: those of the acceleration follow by one more solution each
-    (implicit functions; `linearisation`).
-
-    Args:
-        k: constants.
-        complete: see `acceleration`.
-        y: internal coordinates.
-        v: internal rates.
-        rates: v'.
-        tau: see `acceleration`.
-        angles: see `acceleration`.
+    (implicit functions; `linearisation`). Arguments as of `acceleration`.
     """
     cos, sin, _ = angles
     right = _right(k, complete, y, v, tau, angles)

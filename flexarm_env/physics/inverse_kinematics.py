@@ -43,18 +43,9 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
 
 
 def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
-    """Return the joint rates that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
+    """Return the joint rates [rad/s] that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
 
-    Args:
-        length_1: L1 [m].
-        length_2: L2 [m].
-        theta1: [rad].
-        theta2: [rad].
-        vx: x velocity of the tip [m/s].
-        vy: y velocity of the tip [m/s].
-
-    Returns:
-        The rates of theta1 and theta2 [rad/s].
+    Args: lengths [m], angles [rad] and the tip's velocity [m/s].
     """
     sin_1, cos_1 = sincos(theta1)
     sine, cosine = sincos(theta2)

@@ -125,15 +125,7 @@ class Inertia(NamedTuple):
 
 
 def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Inertia:
-    """Eliminate the modal coordinates from M(y).
-
-    Args:
-        k: constants.
-        e: elimination of the same arm.
-        y: internal coordinates.
-        cos: C, cosine of a2 - a1.
-        sin: S, sine of a2 - a1.
-    """
+    """Eliminate the modal coordinates from M(y); `e`: of the same arm, `cos`, `sin`: C and S of a2 - a1."""
     m = len(k.elbow_slopes)
     q1, q2 = y[1 : m + 1], y[m + 2 :]
     one, two = k.links

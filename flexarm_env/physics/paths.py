@@ -50,7 +50,6 @@ class ReferencePath:
         self.table = points
 
     def __repr__(self) -> str:
-        """Describe the path in a line."""
         return f"{type(self).__name__}({len(self.table) - 1} way-points, {self.lap_time:g} s)"
 
     @property
