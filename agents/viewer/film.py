@@ -19,7 +19,6 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice, integer, number
 
-Array = NDArray[np.float64]
 Tick = Callable[[], Any]
 SUFFIXES = (".png", ".gif", ".mp4")
 MOST_FPS = 100  # [1/s]

@@ -11,13 +11,11 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
-from numpy.typing import NDArray
 from PIL import Image
 
 from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, SOFT, WIDTH, write, write_moving
 from scripts.docs.drawn_arm import POINTS, Lap, bare, draw_arm, draw_path, links, recorded, rigid
 
-Array = NDArray[np.float64]
 COMPARED = {
     "flsac": "FLSAC: the paper's fuzzy controller",
     "agent student_unknown": "student_unknown: a trained network",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,34 +12,35 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
-from flexarm_baselines.registry import controller, make_controller
+from flexarm_baselines.registry import controller
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
+from flexarm_env.predictor import predictor
 from scripts.common.plotting import write_moving
 
 FRAMES = 60  # of a picture, at most
 INTERVAL, REST = 0.08, 1.2  # between frames, and on the last one [s]
 SIZE = 400  # [px]
+Driver = Callable[[FlexArmEnv, Any], Any]  # makes an action of an environment and its observation
 
 
 class Picture(NamedTuple):
     """How a picture comes about."""
 
     caption: str  # what it shows
-    policy: Callable[[FlexArmEnv, Any], Any]  # makes an action of an environment and its observation
+    policy: Driver | str  # who drives, or the name of a controller
     reset: dict[str, Any]  # options of the reset
     steps: int  # control periods before the last of its frames
     seed: int = 0  # seed of the reset
-    controller: str = ""  # name of the one that drives instead of the policy
 
 
-def constant(value: float) -> Callable[[FlexArmEnv, Any], Any]:
+def constant(value: float) -> Driver:
     """Make a policy that always returns the same action."""
     return lambda env, observation: np.full(env.action_space.shape or (), value, np.float32)
 
 
-def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -> Callable[[FlexArmEnv, Any], Any]:
+def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -> Driver:
     """Make a policy of springs and dampers between the joints and the rigid arm on the reference."""
 
     def policy(env: FlexArmEnv, observation: Any) -> Any:
@@ -71,10 +73,9 @@ PICTURES = {
     "Square-v0": moving(f"{CORNER}: the links bend, and the tip swings past.", 2.0, 260),
     "SmoothSquare-v0": Picture(
         "Round the first corner along the best known plan, under its regulator.",
-        STIFF,
+        "plan_lqr",
         {"start": "corner", "elbow_branch": "negative"},
         470,
-        controller="plan_lqr",
     ),
     "SquareResidual-v0": moving("Action 0: the inner law alone swings wide at every corner.", 1.0, 900, constant(0.0)),
     "SquareGain-v0": Picture(
@@ -104,17 +105,15 @@ PICTURES = {
     ),
     "Carry-v0": Picture(
         "The tip takes up 1.2 kg (the square), driven by `lqg`, and arrives at the next corner.",
-        STIFF,
+        "lqg",
         {"start": "corner", "elbow_branch": "negative", "parameters": {"payload_mass": 1.2}},
         965,
-        controller="lqg",
     ),
     "Race-v0": Picture(
         "Two laps in 9.3 s: the second one along the best known plan, in 4.6 s.",
-        STIFF,
+        "race_lqg",
         {"start": "corner"},
         934,
-        controller="race_lqg",
     ),
     "Paper-v0": Picture(
         "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.", constant(1.0), {}, 4250
@@ -125,20 +124,18 @@ PICTURES = {
 def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
     """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each."""
     wanted = PICTURES[name]
-    own = controller(wanted.controller).options if wanted.controller else {}
+    listed = controller(wanted.policy) if isinstance(wanted.policy, str) else None
+    own = listed.options if listed else {}
     # without a limit, since the policies are poor
     made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None, **own)
     env = made.unwrapped
     assert isinstance(env, FlexArmEnv)
     stride = max(1, round(INTERVAL / env.settings.control_period))
     observation, _ = made.reset(seed=wanted.seed, options=wanted.reset)
-    driver = make_controller(wanted.controller, made) if wanted.controller else None
+    predict = predictor(listed.make(made) if listed else partial(wanted.policy, env), deterministic=True)
     found, memory = [], None
     for step in range(1, wanted.steps + 1):
-        if driver is not None:
-            action, memory = driver.predict(observation, memory)
-        else:
-            action = wanted.policy(env, observation)
+        action, memory = predict(observation, memory, np.array([step == 1]))
         observation, _, terminated, _, info = made.step(action)
         assert not terminated, f"{name}: {end_reason(info['end_code'])} after {info['time']} s"
         left, odd = divmod(wanted.steps - step, stride)

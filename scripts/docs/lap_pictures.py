@@ -15,13 +15,14 @@ from scripts.docs.drawn_arm import recorded
 from scripts.docs.overview_pictures import label_dots
 from scripts.docs.replays import ENTRIES
 
-SHOWN = {
+SHOWN = {  # names and colours; others lie below the last line, which is dashed
     "ifdc": ("ifdc", COLOURS[4]),
     "agent square": ("square", ORANGE),
     "agent student_unknown": ("student_unknown", COLOURS[3]),
     "lqg_adaptive": ("lqg_adaptive", BLUE),
     "plan_lqr": ("plan_lqr, which\nreads the true state", SOFT),
 }
+DASHES = dict.fromkeys(SHOWN, "-") | {"plan_lqr": "--"}
 WINDOW = 25  # periods of 10 ms
 CORNERS = {
     "start of the swing lap": ("swing", 0.0),
@@ -40,7 +41,7 @@ def errors(path: Path) -> None:
         for row, (_, colour) in SHOWN.items():
             one = recorded(row, lap)
             away = 1e3 * running_rms(one.away, WINDOW)
-            axis.semilogy(one.time, away, color=colour, linewidth=1.6, linestyle=_dash(row))
+            axis.semilogy(one.time, away, color=colour, linewidth=1.6, linestyle=DASHES[row])
             ends.append(away[-1])
         axis.set(title=f"{lap} lap", ylim=(1.0, 3000.0), xlim=(0.0, 16.0), xticks=range(0, 17, 4))
         axis.set_yticks([1, 10, 100, 1000], ["1", "10", "100", "1000"])
@@ -51,11 +52,6 @@ def errors(path: Path) -> None:
     write(figure, path)
 
 
-def _dash(row: str) -> str:
-    """Dash the last line, below which others lie."""
-    return "--" if row == [*SHOWN][-1] else "-"
-
-
 def corners(path: Path) -> None:
     """Draw the tip's paths within a second of where the target starts or turns."""
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 7.6))
@@ -63,9 +59,8 @@ def corners(path: Path) -> None:
         for row, (name, colour) in SHOWN.items():
             one = recorded(row, lap)
             near = np.abs(one.time - time) <= 1.0
-            axis.plot(
-                *one.tip[near].T, color=colour, linewidth=1.8, linestyle=_dash(row), label=name.replace("\n", " ")
-            )
+            look = {"color": colour, "linestyle": DASHES[row], "label": name.replace("\n", " ")}
+            axis.plot(*one.tip[near].T, linewidth=1.8, **look)
         axis.plot(*one.reference[near].T, color=INK, linestyle=":", label="target")
         x, y = one.reference[one.at(time)] + (0.0, 0.0 if time else 0.8 * ABOUT)
         axis.set(title=title, aspect="equal", xlim=(x - ABOUT, x + ABOUT), ylim=(y - ABOUT, y + ABOUT))

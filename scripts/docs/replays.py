@@ -60,19 +60,21 @@ class Kind(NamedTuple):
     text: str
 
 
-def _kinds() -> dict[str, Kind]:
-    found = {name: Kind(ENTRIES, "square", lap.reset_options(), lap.text) for name, lap in LAPS.items()}
-    race = "three laps from rest, as fast as possible; each controller moves its own target, within 25 cm of the tip"
-    found["race"] = Kind(
-        ("race_lqg", "agent race", "race_mpcc", "race_lqg_adaptive"), "race", {"start": "corner"}, race
-    )
-    start = LAPS["plain"].reset_options() | {"parameters": {"payload_mass": PAYLOAD}}
-    carry = f"rests of 2 s at the corners; the tip takes up {PAYLOAD:g} kg in the first and puts them down in the third"
-    found["carry"] = Kind(("lqg_adaptive", "lqg", "agent carry"), "carry", start, carry)
-    return found
-
-
-KINDS = _kinds()
+KINDS = {
+    **{name: Kind(ENTRIES, "square", lap.reset_options(), lap.text) for name, lap in LAPS.items()},
+    "race": Kind(
+        ("race_lqg", "agent race", "race_mpcc", "race_lqg_adaptive"),
+        "race",
+        {"start": "corner"},
+        "three laps from rest, as fast as possible; each controller moves its own target, within 25 cm of the tip",
+    ),
+    "carry": Kind(
+        ("lqg_adaptive", "lqg", "agent carry"),
+        "carry",
+        LAPS["plain"].reset_options() | {"parameters": {"payload_mass": PAYLOAD}},
+        f"rests of 2 s at the corners; the tip takes up {PAYLOAD:g} kg in the first and puts them down in the third",
+    ),
+}
 # [m], [rad], [m], [m], [N m]
 STEPS = {"reference": 2e-5, "joints": 2e-5, "modal": 5e-5, "sensed": 1e-3, "torque": 1e-2}
 POINTS = 13  # of a drawn link
@@ -152,12 +154,6 @@ def read(path: Path) -> list[Any]:
     text = path.read_text(encoding="utf-8")
     found: list[Any] = json.loads(f"[{text[text.index('(') + 1 : text.rindex(')')]}]")
     return found
-
-
-def tips(arm: FlexibleArm, one: Mapping[str, Any]) -> Array:
-    """Return where the tip of a replay is [m]. Shape (n, 2)."""
-    found = channels(one)
-    return arm.tip(np.concatenate([found["joints"], found["modal"]], axis=1))
 
 
 # --- files ---------------------------------------------------------------------------------------------------------

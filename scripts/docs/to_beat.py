@@ -85,8 +85,8 @@ def _of_board(wanted: OnBoard) -> str:
 
 def best(name: str) -> str:
     """Write the best entries without the true state in a sentence: that with least error, and the best agent."""
-    if name in _BEST:
-        return _BEST[name]
+    if name in _OTHERS:
+        return _BEST.get(name, "")
     wanted = BY_ID[name]
     rows = [one for one in _ordered(wanted) if not one[0]["privileged"]]
     first = rows[0]
@@ -234,11 +234,6 @@ _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
     "Reach-v0": "Of the agents with limited torques `universal` alone loses no episode; it rests at some of the goals.",
-    "Lab-v0": "",
-    "Carry-v0": "",
-    "SmoothSquare-v0": "",
-    "Race-v0": "",
-    "Paper-v0": "",
 }
 _RESIDUAL = """\
 No entry of the board uses this action. Medians of ten seeds, swing lap / plain lap, r.m.s. over the lap, none lost: PPO

@@ -1,6 +1,5 @@
 """Runs -> plain numbers: what the claims, tables and sweeps are decided from."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,10 @@ from flexarm_env.metrics import (
 from flexarm_env.metrics.window import rms
 
 Array = NDArray[np.float64]
+REACH = sum(ArmParameters.paper().link_lengths)  # of the stretched arm [m]
+CORNER = SquareParameters.side / 2.0  # distance of the square's corners from either axis through the shoulder [m]
+# The furthest that the rigid tip gets past a corner in the direction in which the reference came [m].
+STRAIGHT_ON = float(np.sqrt(REACH**2 - CORNER**2) - CORNER)
 
 
 def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
@@ -64,21 +67,9 @@ def _along(run: Trajectory, knots: Array) -> float:
     return float(from_corner[peak] @ side / np.linalg.norm(side))
 
 
-@dataclass(frozen=True)
-class Workspace:
-    """What the reach of the arm leaves the rigid tip beyond a corner of the square."""
-
-    reach: float = sum(ArmParameters.paper().link_lengths)  # of the stretched arm [m]
-    corner: float = SquareParameters().side / 2.0  # distance of a corner from either axis through the shoulder [m]
-
-    @property
-    def straight_on(self) -> float:
-        """The furthest that the tip gets past a corner in the direction in which the reference came [m]."""
-        return float(np.sqrt(self.reach**2 - self.corner**2) - self.corner)
-
-    def along(self, overshoot: float) -> float:
-        """Return how far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
-        return max(0.0, float(self.corner - np.sqrt(self.reach**2 - (self.corner + overshoot) ** 2)))
+def least_along(overshoot: float) -> float:
+    """Return how far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
+    return max(0.0, float(CORNER - np.sqrt(REACH**2 - (CORNER + overshoot) ** 2)))
 
 
 def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:

@@ -15,7 +15,7 @@ from scripts.common.result_files import write_json
 from scripts.common.study import Trial, run_all
 from scripts.paper import figures, sweep_figures, tables, verdicts
 from scripts.paper.cases import COLUMNS, CONTROLLERS, PLACES, Case, Study, load_runs, simulate_column
-from scripts.paper.measures import Workspace, differences, measures
+from scripts.paper.measures import REACH, STRAIGHT_ON, differences, measures
 from scripts.paper.numbers import PAPER_CLOCK, clock_numbers, numbers
 from scripts.paper.sweeps import SWEEPS, run_sweep
 
@@ -54,7 +54,7 @@ def _decide(study: Study, folder: Path, rows: list[dict[str, Any]], clocks: Mapp
             paper = PAPER_CLOCK.get(name.split("_")[0])
             if paper is not None:  # the batch's clock time, shared out over its runs
                 own["clock_time"], own["paper_clock_time_over_ours"] = clocks[column], paper / clocks[column]
-    workspace = {"reach": Workspace().reach, "straight_past_a_corner": Workspace().straight_on}
+    workspace = {"reach": REACH, "straight_past_a_corner": STRAIGHT_ON}
     data: dict[str, Any] = {
         "summary": {"study": asdict(study), "runs": found, "path_differences": apart, "workspace": workspace},
         "numbers": [one.as_json() for one in (*numbers(), *clock_numbers(clocks["paper"]))],
@@ -63,7 +63,7 @@ def _decide(study: Study, folder: Path, rows: list[dict[str, Any]], clocks: Mapp
         data["sweeps"] = rows = rows + _other_branch(found["branch"])
     if whole:
         constant = [row for row in rows if row["sweep"] == "constant_gain"]
-        data["claims"] = verdicts.decide(found, apart, constant, tables.TITLES)
+        data["claims"] = verdicts.decide(found, apart, constant)
     for name, one in data.items():
         write_json(folder / f"{name}.json", one)
     for name, text in tables.everything(found, rows, data.get("claims", [])).items():

@@ -5,7 +5,7 @@ from typing import Any
 
 from scripts.common.markdown import table
 from scripts.paper.cases import COLUMNS
-from scripts.paper.measures import Workspace
+from scripts.paper.measures import least_along
 from scripts.paper.numbers import numbers as printed_numbers
 from scripts.paper.sweep_figures import TIP_SWEEPS
 
@@ -28,7 +28,7 @@ def everything(
     They are made of measures by column and case, and of rows of the sweeps and of claims.json, if there are any.
     """
     texts = {f"summary_{column}": runs(found, column) for column in found}
-    texts |= {"reach": reach(found["paper"], Workspace()), "numbers": numbers([n.as_json() for n in printed_numbers()])}
+    texts |= {"reach": reach(found["paper"]), "numbers": numbers()}
     if rows:
         texts["sensitivity"] = sensitivity(rows)
         labels = SWEEP_LABELS | dict.fromkeys(TIP_SWEEPS, "constant gain lambda")
@@ -102,7 +102,7 @@ def ended_early(row: dict[str, Any]) -> str:
     return f"ended early: {row['ended']}"
 
 
-def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
+def reach(found: dict[str, dict[str, Any]]) -> str:
     """Tabulate overshoots of one column's runs, and where the arm's reach lets the tip be so far past a corner."""
 
     def cell(values: Sequence[float]) -> str:
@@ -112,8 +112,7 @@ def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
     for name, row in found.items():
         if name.endswith("_tip") and not row["ended_early"]:
             over, along = row["rigid_overshoot"], row["rigid_overshoot_along"]
-            least = [workspace.along(one) for one in over]
-            body.append([name.replace("_", " "), *map(cell, (over, least, along))])
+            body.append([name.replace("_", " "), *map(cell, (over, [*map(least_along, over)], along))])
     places = (f"distance along the next side, {what} [m]" for what in ("at least", "measured"))
     return table(["run", "overshoot at the three switches [m]", *places], body)
 
@@ -138,12 +137,10 @@ def _verdict(r: dict[str, Any]) -> str:
     return f"**{r['verdict']}**" + (f" ({details})" if details else "")
 
 
-def numbers(rows: Sequence[dict[str, Any]]) -> str:
+def numbers() -> str:
     """Tabulate the paper's numbers beside ours."""
-    return table(
-        ["quantity", "unit", "source", "paper", "ours", "note"],
-        [[r["name"], r["unit"], r["source"], f"{r['paper']:.6g}", f"{r['ours']:.6g}", r["note"]] for r in rows],
-    )
+    rows = ((n.name, n.unit, n.source, f"{n.paper:.6g}", f"{n.ours:.6g}", n.note) for n in printed_numbers())
+    return table(["quantity", "unit", "source", "paper", "ours", "note"], rows)
 
 
 def runs(summary: dict[str, dict[str, dict[str, Any]]], column: str) -> str:

@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from scripts.paper.cases import COLUMNS
 from scripts.paper.checks import Differences, Finding, Measures
 from scripts.paper.claims import CLAIMS, Claim
 
 
-def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
+def verdict(claim: Claim, findings: dict[str, Finding]) -> tuple[str, str]:
     """Return the verdict and the condition under which it stands."""
     own = findings["paper"]
-    failing = [titles[name] for name, finding in findings.items() if not finding.holds]
+    failing = [COLUMNS[name].title for name, finding in findings.items() if not finding.holds]
     if own.holds and not failing:
         return "reproduced", ""
     if own.holds:
@@ -23,10 +24,7 @@ def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) 
 
 
 def decide(
-    table: Mapping[str, Measures],
-    differences: Mapping[str, Differences],
-    sweep: list[dict[str, Any]],
-    titles: dict[str, str],
+    table: Mapping[str, Measures], differences: Mapping[str, Differences], sweep: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Decide all claims, as rows of claims.json, from measures by column and case name.
 
@@ -35,7 +33,7 @@ def decide(
     rows = []
     for claim in CLAIMS:
         findings = {name: claim.find(table[name], differences[name], "flsac") for name in table}
-        decided, condition = verdict(claim, findings, titles)
+        decided, condition = verdict(claim, findings)
         gains = _constant_gains(claim, table, differences, sweep) if claim.fuzzy else {}
         rows.append(
             {name: getattr(claim, name) for name in ("id", "quote", "measure")}
@@ -45,20 +43,18 @@ def decide(
                 "condition": condition,
                 "note": claim.note,
                 "holds": {name: finding.holds for name, finding in findings.items()},
-                "one_side": _on_one_side(claim, table, differences, titles),
+                "one_side": _on_one_side(claim, table, differences),
                 "constant_gain": gains,
             }
         )
     return rows
 
 
-def _on_one_side(
-    claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences], titles: dict[str, str]
-) -> dict[str, Any]:
+def _on_one_side(claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences]) -> dict[str, Any]:
     """Decide the claim without the runs whose elbow changes sides in the part of the lap that it looks at."""
     found = {name: claim.find_on_one_side(table[name], differences[name], "flsac") for name in table}
     decided = {name: finding for name, (finding, _) in found.items() if finding is not None}
-    word, condition = verdict(claim, decided, titles) if "paper" in decided else ("undecided", "")
+    word, condition = verdict(claim, decided) if "paper" in decided else ("undecided", "")
     if word == "reproduced" and len(decided) < len(table):
         word = "reproduced where decided"
     return {

@@ -11,8 +11,8 @@ import pytest
 
 from flexarm_agents.board.tables import has_rank, on_square
 from flexarm_env.laps import LAPS
-from flexarm_env.simulation.arm import FlexibleArm
 from scripts.docs import replays
+from scripts.docs.drawn_arm import ARM, recorded
 from tests.docs.test_built_site import WIDGET_PAGES
 from tests.docs.test_replays import BOARD
 from tests.support.browser import Browser
@@ -170,14 +170,12 @@ def test_the_first_page_does_not_move_for_who_wants_no_motion(browser: Browser) 
 
 
 def test_the_viewer_draws_the_links_where_the_arm_has_them(viewer: Browser) -> None:
-    arm = FlexibleArm()
-    found = replays.channels(replays.read(replays.FOLDER / replays.file_name("ifdc", "swing"))[2])
-    q = np.concatenate([found["joints"], found["modal"]], axis=1)
+    q = recorded("ifdc", "swing").q
     for n in (0, 57, 730, 1600):
         links = viewer.run("return flexarm.linkPoints('ifdc', 'swing', arguments[0])", n)
         for link, points in enumerate(links, 1):
-            places = np.linspace(0.0, arm.parameters.link_lengths[link - 1], replays.POINTS)
-            np.testing.assert_allclose(points, [arm.position(q[n], link, x) for x in places], atol=1e-6)
+            places = np.linspace(0.0, ARM.parameters.link_lengths[link - 1], replays.POINTS)
+            np.testing.assert_allclose(points, [ARM.position(q[n], link, x) for x in places], atol=1e-6)
 
 
 @pytest.mark.parametrize(("lap", "name"), [(lap, name) for lap in LAPS for name in replays.KINDS[lap].entries])

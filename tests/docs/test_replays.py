@@ -16,17 +16,14 @@ from flexarm_agents.board.entries import Entry, all_entries
 from flexarm_agents.board.measure import PUBLISHED, as_csv
 from flexarm_agents.board.summary import nominal_errors
 from flexarm_agents.board.tables import has_rank, on_square
-from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
+from scripts.docs.drawn_arm import ARM, recorded
 from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_folds, with_widgets
 
 BOARD = json.loads(PUBLISHED.read_text())
 RANKED = sum(has_rank(row) and on_square(row) for row in BOARD["rows"])
 MOST_BYTES = 60_000  # of a file
-ARM = FlexibleArm()
-
-
 INDEX = replays.read(replays.FOLDER / replays.INDEX)[0]
 FILES = [(row["name"], lap, file) for row in INDEX["rows"] for lap, file in row["files"].items()]
 
@@ -55,7 +52,7 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
     assert path.stat().st_size < MOST_BYTES
     assert {channel: count for channel, count, _ in one["channels"]} == dict.fromkeys(replays.STEPS, 2) | {"modal": 6}
     assert {channel: step for channel, _, step in one["channels"]} == replays.STEPS
-    distance = np.linalg.norm(replays.tips(ARM, one) - replays.channels(one)["reference"], axis=1)
+    distance = recorded(name, lap).away
     (row,) = [row for row in BOARD["rows"] if row["name"] == name] or [None]
     if lap == "race":
         ((point,),) = [point.values() for point in row["columns"]["race"]["points"][:1]]
@@ -94,7 +91,8 @@ def test_a_lap_of_today_is_the_one_that_is_committed(name: str, lap: str, period
 
 def test_a_race_of_today_begins_as_the_one_that_is_committed() -> None:
     """It is driven at the limits of the torques, where rounding grows: here to 0.4 mm, in a second to some 10 mm."""
-    now, then = (replays.tips(ARM, one) for one in of_today("race", "race", 50))
+    laps = map(replays.channels, of_today("race", "race", 50))
+    now, then = (ARM.tip(np.concatenate([one["joints"], one["modal"]], axis=1)) for one in laps)
     np.testing.assert_allclose(now, then[:51], atol=2e-3)
 
 

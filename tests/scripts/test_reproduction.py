@@ -10,7 +10,7 @@ from flexarm_baselines import IFDC
 from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import cases, checks, claims, pipeline, tables, verdicts
-from scripts.paper.measures import Workspace, measures
+from scripts.paper.measures import STRAIGHT_ON, least_along, measures
 from tests.support.programs import ROOT, results_of, run_here
 
 
@@ -146,15 +146,13 @@ def test_part_of_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_verdicts_follow_from_the_columns() -> None:
     claim = claims.CLAIMS[0]
     conditional = next(c for c in claims.CLAIMS if c.condition)
-    titles = {"paper": "own arm", "other": "other arm"}
 
     def verdict(claim: object, own: bool, other: bool, **values: object) -> tuple[str, str]:
-        found = {"paper": checks.Finding(own, values), "other": checks.Finding(other, {})}
-        return verdicts.verdict(claim, found, titles)
+        return verdicts.verdict(claim, {"paper": checks.Finding(own, values), "linear": checks.Finding(other, {})})
 
     assert verdict(claim, True, True)[0] == "reproduced"
     assert verdict(claim, True, False)[0] == "reproduced under condition"
-    assert "other arm" in verdict(claim, True, False)[1]
+    assert "linear arm" in verdict(claim, True, False)[1]
     assert verdict(claim, False, True)[0] == "not reproduced"
     assert verdict(conditional, False, True, under_condition=True)[0] == "reproduced under condition"
     assert verdict(conditional, False, True, under_condition=False)[0] == "not reproduced"
@@ -219,11 +217,10 @@ def test_a_change_after_what_a_claim_looks_at_does_not_count() -> None:
 
 def test_what_the_reach_leaves_beyond_a_corner() -> None:
     """9 m of reach, corners 6.3 m off both axes: sqrt(81 - 6.3^2) - 6.3 = 0.127 m straight on."""
-    workspace = Workspace()
-    assert workspace.straight_on == pytest.approx(0.1273, abs=5e-5)
-    assert workspace.along(workspace.straight_on) == pytest.approx(0.0, abs=1e-12)
-    assert workspace.along(0.0) == 0.0
-    assert (6.3 - workspace.along(0.5)) ** 2 + 6.8**2 == pytest.approx(81.0)
+    assert pytest.approx(0.1273, abs=5e-5) == STRAIGHT_ON
+    assert least_along(STRAIGHT_ON) == pytest.approx(0.0, abs=1e-12)
+    assert least_along(0.0) == 0.0
+    assert (6.3 - least_along(0.5)) ** 2 + 6.8**2 == pytest.approx(81.0)
 
 
 def test_tables_mark_a_run_that_ended_early() -> None:
