@@ -42,22 +42,6 @@ class RunFolder:
         self.laps = self.path / "laps.png"  # of the best policy at the end
         self.logs = self.path / "tensorboard"
 
-    def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
-        """Make the folder for a new training, with its configuration and versions.
-
-        Raises:
-            FileExistsError: if the folder holds anything but unfinished files.
-        """
-        if self.path.exists() and (
-            not self.path.is_dir() or any(not is_unfinished(one) for one in self.path.iterdir())
-        ):
-            raise FileExistsError(
-                f"folder = {self.path}: exists and is not empty; resume that training, remove it, or name another"
-            )
-        self.path.mkdir(parents=True, exist_ok=True)
-        write_json(self.config, {"format": _FORMAT, **config.plain()})
-        write_json(self.versions, dict(versions))
-
     @contextmanager
     def named(self) -> Iterator[None]:
         """Within `with`, an error of the system that names no file, as that of a full disk, names the folder."""
@@ -69,12 +53,24 @@ class RunFolder:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
     def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
-        """Begin a training in the folder, or check that the one in it may go on."""
+        """Make a new training's folder, with configuration and versions; or check that the one in it may go on.
+
+        Raises:
+            FileExistsError: if the folder of a new training holds anything but unfinished files.
+        """
         if resume:
             config.check_same(self.read_config(type(config)), self.path)
-        else:
-            with self.named():
-                self.begin(config, versions)
+            return
+        if self.path.exists() and (
+            not self.path.is_dir() or any(not is_unfinished(one) for one in self.path.iterdir())
+        ):
+            raise FileExistsError(
+                f"folder = {self.path}: exists and is not empty; resume that training, remove it, or name another"
+            )
+        with self.named():
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_json(self.config, {"format": _FORMAT, **config.plain()})
+            write_json(self.versions, dict(versions))
 
     def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.

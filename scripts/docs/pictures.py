@@ -42,9 +42,10 @@ class Options:
 def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.docs.pictures", Options())
+    chosen = {name: PICTURES[choice("only", name, PICTURES)] for name in options.only}
     options.output.mkdir(parents=True, exist_ok=True)
-    for name in options.only:
-        PICTURES[choice("only", name, PICTURES)](options.output / name)
+    for name, draw in chosen.items():
+        draw(options.output / name)
         print(f"{options.output / name}: drawn", flush=True)
 
 

@@ -139,9 +139,9 @@ def main() -> None:
     """Command line."""
     options = read_options("python -m scripts.docs.steps", Options())
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-    for name in options.only:
-        write(TUTORIALS[choice("only", name, TUTORIALS)])
-        print(f"{TUTORIALS[name]}: written", flush=True)
+    for page in [TUTORIALS[choice("only", name, TUTORIALS)] for name in options.only]:
+        write(page)
+        print(f"{page}: written", flush=True)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from flexarm_baselines.optimal import Plan, load_plan
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
-from flexarm_env.validation import choice
+from flexarm_env.validation import choice, integer
 from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
 from scripts.common.study import Study, update_docs
@@ -78,6 +78,8 @@ def main() -> None:
     for name, these in known.items():
         for one in getattr(options, name):
             choice(name, one, these)
+    for name in ("trial", "finalists", "iterations"):
+        integer(name, getattr(options, name), 1)
     options.output.mkdir(parents=True, exist_ok=True)
     files = []
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):

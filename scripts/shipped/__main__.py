@@ -70,8 +70,8 @@ def main() -> None:
     """Command line."""
     options = read_options(COMMAND, Options())
     if options.train:
-        for name in options.only or AGENTS:
-            train_and_ship(choice("only", name, AGENTS), options)
+        for name in [choice("only", name, AGENTS) for name in options.only] or AGENTS:
+            train_and_ship(name, options)
     if options.tables:
         options.output.mkdir(parents=True, exist_ok=True)
         CARDS.show(CARDS.results(options.output, 1), options.output)

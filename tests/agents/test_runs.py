@@ -175,7 +175,7 @@ def test_another_training_and_a_spoilt_one_are_refused(runs: Runs, tmp_path: Pat
         train(other, run, resume=True)
     assert files(run) == before
     theirs = RunFolder(tmp_path / "other")
-    theirs.begin(other, json.loads((run / "versions.json").read_text()))
+    theirs.enter(other, json.loads((run / "versions.json").read_text()), resume=False)
     shutil.copy(run / "checkpoint.zip", theirs.checkpoint)
     left = files(theirs.path)
     with refuses(ValueError, f"seed = 4: the training in {theirs.checkpoint} {refused}"):

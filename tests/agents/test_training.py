@@ -76,7 +76,7 @@ def test_what_a_killed_process_left_of_a_file_does_not_count(tmp_path: Path) -> 
     (tmp_path / ".new-config.json").write_text("{")
     config = PPOConfig(**TINY)
     folder = RunFolder(tmp_path)
-    folder.begin(config, {})
+    folder.enter(config, {}, resume=False)
     assert folder.read_config(PPOConfig) == config
 
 

@@ -87,7 +87,7 @@ def _trained(folder: Path) -> bytes:
 
 
 def _configured(folder: Path) -> bytes:
-    RunFolder(folder / "run").begin(config_of(**TINY), {})
+    RunFolder(folder / "run").enter(config_of(**TINY), {}, resume=False)
     return (folder / "run" / "config.json").read_bytes()
 
 
