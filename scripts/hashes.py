@@ -6,8 +6,6 @@ processors with the instructions of the machine that recorded them (AVX-512 here
 elsewhere): on another machine, record them before a change with `--file`, and compare after it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import subprocess

@@ -5,8 +5,6 @@ and the code of the simulation. A changed policy makes only its own cells stale;
 makes no cell stale. A file that is there is complete.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +12,7 @@ from dataclasses import asdict, fields
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.entries import Entry
@@ -51,7 +49,7 @@ class Cell(NamedTuple):
     depends: dict[str, Any]  # all that the result depends on, as plain values
 
     @classmethod
-    def of(cls, entry: Entry, point: Point) -> Cell:
+    def of(cls, entry: Entry, point: Point) -> Self:
         """Return the cell with all that its result depends on; the entry must be able to do its home task."""
         return cls(entry, point, {"policy": dict(entry.fingerprint), **_environment(entry, point)})
 

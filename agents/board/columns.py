@@ -1,7 +1,5 @@
 """The columns of the board: tasks, axes with their points, and unknown arms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """`Entry`: a controller, a trained policy, or a user's class or function, as plain values; all entries of the board."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

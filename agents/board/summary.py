@@ -1,7 +1,5 @@
 """What the cells of an entry add up to: figures at a point, values of an axis without a loss, all as plain values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

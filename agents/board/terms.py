@@ -1,7 +1,5 @@
 """The terms of the board, the same for all entries: plant, tasks, limits, seeds. What changes them raises `BOARD`."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping

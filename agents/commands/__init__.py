@@ -1,7 +1,5 @@
 """`flexarm`: the command, with a module for each of its verbs."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Arguments that several verbs share."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -7,8 +7,6 @@ number, as in a shell. What takes long to import comes after `importing` or `end
 import nothing but the standard library.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

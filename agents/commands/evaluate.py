@@ -1,7 +1,5 @@
 """`flexarm evaluate`: scores of controllers and policies on the two standard laps, as a table and as JSON."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -1,7 +1,5 @@
 """The fields of a configuration as arguments of a verb: their types, their defaults, their docstrings."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import inspect

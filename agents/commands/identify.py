@@ -1,7 +1,5 @@
 """`flexarm identify`: parameters of an arm, and delays, from recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path

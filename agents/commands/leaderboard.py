@@ -1,7 +1,5 @@
 """`flexarm leaderboard`: entries of the board, and one's own, on its tasks and axes."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`flexarm list`: the ids, the shipped policies and the controllers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, of_verb

@@ -1,7 +1,5 @@
 """`flexarm play`: a window in which delay, place and gain can be moved while the paper's law runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, of_verb

@@ -1,7 +1,5 @@
 """`flexarm render`: an episode of a policy or controller, in a window or as a file."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

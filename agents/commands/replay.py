@@ -1,7 +1,5 @@
 """`flexarm replay`: a recorded run, in a window or as a file."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scores as tables for a terminal, in which each early end is marked."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """`flexarm show`: an environment's specification, from the declarations that its page under docs is made from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, of_verb, width

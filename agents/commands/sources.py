@@ -1,7 +1,5 @@
 """POLICY on the command line: a training, a controller, a class or function, a stable-baselines3 model."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """`flexarm evaluate --sweep`: what one entry of the board does along one axis, as a table."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import textwrap

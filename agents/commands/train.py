@@ -1,7 +1,5 @@
 """`flexarm train`: an agent by any algorithm; logs, evaluations, the best policy and checkpoints in one folder."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import sys

@@ -1,7 +1,5 @@
 """`flexarm warm-up`: compile ahead of time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import Reader, add_options, of_verb

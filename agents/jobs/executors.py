@@ -4,8 +4,6 @@ No executor retries a failed job: its result is missing, and the next run comput
 a node that dies.
 """
 
-from __future__ import annotations
-
 import os
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Jobs that failed: a line for each, and their tracebacks in a file."""
 
-from __future__ import annotations
-
 import sys
 import traceback
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ A parent that ends early, by an error or a signal, kills its workers, or lets th
 for them.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

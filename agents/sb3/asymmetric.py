@@ -3,8 +3,6 @@
 Source: Pinto et al., *Asymmetric actor critic for image-based robot learning*, RSS 2018.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

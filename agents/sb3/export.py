@@ -1,7 +1,5 @@
 """From a stable-baselines3 model to a policy that numpy alone runs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

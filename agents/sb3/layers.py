@@ -1,7 +1,5 @@
 """Fully connected networks of torch: making them, and their layers as numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

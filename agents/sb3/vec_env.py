@@ -4,13 +4,11 @@ It behaves as `DummyVecEnv` over single environments does, to the last bit (envi
 single one seeded s + i), at a fraction of the time.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import fields
 from difflib import get_close_matches
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import gymnasium
 import numpy as np
@@ -70,7 +68,7 @@ class FlexArmVecEnv(VecEnv):
         self.metadata = dict(env.metadata)
 
     @classmethod
-    def make(cls, environment: str, num_envs: int, infos: Infos = "final", **options: Any) -> FlexArmVecEnv:
+    def make(cls, environment: str, num_envs: int, infos: Infos = "final", **options: Any) -> Self:
         """Make the batch of a registered id, with its time limit.
 
         Args:

@@ -3,8 +3,6 @@
 Fields that are not given have the tuned values of the files in `hyperparams`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self

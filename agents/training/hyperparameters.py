@@ -1,7 +1,5 @@
 """The tuned settings of the algorithms: the files of `hyperparams`, in rl-zoo's format."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Mapping
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """`Training`: a training of one algorithm, part by part; `TrainingLoop`: what is done between two parts."""
 
-from __future__ import annotations
-
 import json
 import logging
 import random

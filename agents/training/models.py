@@ -1,7 +1,5 @@
 """Models of stable-baselines3 and sb3-contrib from configurations, with their environments."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pkgutil import resolve_name

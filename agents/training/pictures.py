@@ -3,8 +3,6 @@
 Without matplotlib (extra `plot`) there are none.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

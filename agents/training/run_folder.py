@@ -3,8 +3,6 @@
 A training that is resumed from a checkpoint ends in the same bits as one that was not interrupted.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import pickle

@@ -1,7 +1,5 @@
 """`train`: a training on a batch of arms, judged by the true score, with the best policy kept."""
 
-from __future__ import annotations
-
 import pickle
 import platform
 from collections.abc import Iterator

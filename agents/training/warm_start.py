@@ -1,7 +1,5 @@
 """Warm start: the policy with which a training begins, and the environments in which it begins."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`Film`: a recorded run as pictures, in a window or in a file (PNG, GIF, MP4)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`LiveArm`: the paper's law on a late sensor, whose delay, place and gain can be moved while the arm runs."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """`Viewer`: a window with the arm that runs, and sliders for delay and place of its sensor and for the law's gain."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The command line of a study: its options, and how it ends before its time, as the command `flexarm` does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from inspect import cleandoc

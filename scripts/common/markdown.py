@@ -5,8 +5,6 @@ A *generated* block is a table or a paragraph that a study writes, from a marker
 `<!--=expression-->figure<!--/-->`. No line begins with one, or Markdown would take that line as HTML.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path

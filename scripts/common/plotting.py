@@ -1,7 +1,5 @@
 """One look for all pictures that the scripts draw: its letters have nine points or more where a page shows them."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Files that scripts leave behind: strict JSON, and folders that are replaced only when the new one is complete."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

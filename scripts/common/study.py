@@ -1,7 +1,5 @@
 """A study: results, the tables and pictures that show them, and the one command behind all studies."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping

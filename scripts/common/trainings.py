@@ -1,7 +1,5 @@
 """Trainings as jobs of any executor: each is started, resumed, or reused where it is finished."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import isclose

@@ -1,7 +1,5 @@
 """Compare controllers on the standard laps: a table for each question, with what was tried."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What each part of LQG is worth, on the default arm and on arms that differ from it."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How wide the tube of a safety filter may be: what a network behind it loses on unknown arms, and how far it errs."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

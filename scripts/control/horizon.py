@@ -1,7 +1,5 @@
 """How far ahead `nmpc_adaptive` looks: what shorter horizons lose on unknown arms, and how far they err."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

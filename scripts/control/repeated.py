@@ -1,7 +1,5 @@
 """Iterative learning over ten laps: the error by lap, on the default arm, with payloads, and on unknown arms."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

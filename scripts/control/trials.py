@@ -1,7 +1,5 @@
 """What tables are made from: a controller of the registry with its design, on both standard laps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from statistics import median
 from types import MappingProxyType

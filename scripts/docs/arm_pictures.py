@@ -1,7 +1,5 @@
 """Pictures of the arm: its first second in slow motion, the same in steps of 0.3 s, and what its terms mean."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Write the tables of docs/reference/command_line.md from the parsers of `flexarm`."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterator

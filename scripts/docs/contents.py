@@ -3,8 +3,6 @@
 The pages stay in the folders where they are: a chapter names them by patterns.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Laps that are kept for the replays, and how the pictures draw their arm, bent as it was."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The moving pictures of docs/environments: each id up to a telling moment, under a simple policy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path

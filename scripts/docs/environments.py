@@ -1,7 +1,5 @@
 """Write docs/environments: what all ids share, their options, and for each id a page and a moving picture."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """Pictures of laps of the board: errors over time, paths at the corners, error against changes of the torques."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

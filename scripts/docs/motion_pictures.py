@@ -1,7 +1,5 @@
 """Pictures of motion: a late sensor, the tip's wrong way, best plans, a corner with and without rounding."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Run the notebooks of docs/notebooks and keep their outputs in them (extra `test`)."""
 
-from __future__ import annotations
-
 import tempfile
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of committed records: entries of the board on unknown arms and with a payload; distances from a chain."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from itertools import product, takewhile

@@ -1,7 +1,5 @@
 """Bring docs/reproduction.md and its pictures up to date from a complete `results/paper`."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

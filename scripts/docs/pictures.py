@@ -1,7 +1,5 @@
 """Draw the pictures that introduce the benchmark, from the laps and figures that are kept in docs/."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The figures that texts of docs/ quote: what the expressions before them may use."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -6,8 +6,6 @@ which are written in the digits of source maps (base64 VLQ). Where the tip is fo
 links' shapes in `index.js`, here and in the viewer.
 """
 
-from __future__ import annotations
-
 import json
 import string
 from collections.abc import Mapping, Sequence

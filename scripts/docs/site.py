@@ -3,8 +3,6 @@
 The pages are laid out in a folder of their own, with the README as the first one, so that their relative links hold.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -3,8 +3,6 @@
 A page's snippets run one after the other, so they are one module.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from scripts.common.command_line import run

@@ -4,8 +4,6 @@ A step is a snippet, or commands whose output the page shows. That output is the
 it stands for lines that the page leaves out. Pictures that steps write go to docs/figures/tutorials/PAGE/.
 """
 
-from __future__ import annotations
-
 import importlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Best known numbers of each id for its page: from the leaderboard's data, the plans' and the trainings'."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache

@@ -4,8 +4,6 @@ The report is pytest's, as JUnit XML; the properties of its tests hold checks, t
 (`tests/validation/conftest.py`). The pictures lie beside it.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

@@ -4,8 +4,6 @@ A place begins with `<!-- site: NAME -->` and ends with `<!-- site end -->`. The
 the repository sees; on the site it is shown to readers without JavaScript.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

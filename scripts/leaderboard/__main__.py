@@ -1,7 +1,5 @@
 """Measure the board as `flexarm leaderboard` does; draw pictures, time the entries, bring the page up to date."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

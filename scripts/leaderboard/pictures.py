@@ -1,7 +1,5 @@
 """The board's pictures of its figures; those of its laps are in `scripts.docs.lap_pictures`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How long each entry takes to choose an action: measured apart from the cells, which are the same on every machine."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

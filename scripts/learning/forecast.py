@@ -6,9 +6,7 @@ readings. Source: Wu et al., *Directly forecasting belief for reinforcement lear
 fully connected network in the place of the transformer.
 """
 
-from __future__ import annotations
-
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -38,7 +36,7 @@ class Forecaster(PastReadings):
     optimiser: torch.optim.Adam
 
     @classmethod
-    def of(cls, past: PastReadings, outputs: int) -> Forecaster:
+    def of(cls, past: PastReadings, outputs: int) -> Self:
         """Begin with an untrained network."""
         made = cls(past.size, past.lags, past.remembered)
         network = fully_connected(past.inputs, HIDDEN, outputs, "elu")

@@ -7,11 +7,9 @@ has no causal inverse that acts at once, but one that is shifted in time can be 
 supervised learning*, ICLR 2021 (hindsight).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -52,7 +50,7 @@ class GoalEncoder(PastReadings):
     delay: int = 0  # of the late sensor [control periods]
 
     @classmethod
-    def of(cls, settings: Settings, lags: tuple[int, ...]) -> GoalEncoder:
+    def of(cls, settings: Settings, lags: tuple[int, ...]) -> Self:
         """Make the encoder of an environment.
 
         Raises:

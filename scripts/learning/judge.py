@@ -1,7 +1,5 @@
 """`Judge`: scores a policy during a training, and keeps the best one."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from typing import Any
 

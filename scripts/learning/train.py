@@ -4,8 +4,6 @@ Finished trainings are reused. Errors by the delay are those at constant delays 
 blocks use the nominal delay of the environment.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import time

@@ -6,8 +6,6 @@ trials and the solver's log. An interrupted run goes on where it was. `--ship` p
 them (baselines/plans), `--docs` their figures into docs/optimal.md.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import shutil

@@ -3,8 +3,6 @@
 Nothing else is: each lap is optimised from the same kind of start, with the same solver and weights.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

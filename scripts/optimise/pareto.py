@@ -1,7 +1,5 @@
 """How little error costs how much effort: the best laps known for a range of weights on changes of the torques."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -10,8 +10,6 @@ package has it.
 torques that keep the tip near them and leave some for feedback.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass

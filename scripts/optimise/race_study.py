@@ -1,7 +1,5 @@
 """Races on unknown arms: how slow a plan must be, and what an entry makes of the plan that comes with the package."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

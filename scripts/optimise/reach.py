@@ -1,7 +1,5 @@
 """The best known runs of `FlexArm/Reach-v0`: for some seeds the motion that the episode draws is optimised."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a plan scores in the environment, as any policy is scored."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """Search for the best lap of an arm: every sequence of elbow branches on trial, then the best ones to convergence."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import suppress

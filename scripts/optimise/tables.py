@@ -1,7 +1,5 @@
 """Tables of docs/optimal.md, from the reports beside the plans."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What plans are made for: paths at their speeds, with the weights that their plans have, and the laboratory arm's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The safety filter: what the network sees, when it acts, and what it makes of a bad one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from copy import copy
 from functools import cache, partialmethod
