@@ -217,7 +217,10 @@ def _chooser(policies: Sequence[Any], envs: FlexArmVectorEnv) -> Callable[[Obser
     count = envs.num_envs
     if len(policies) != count:
         raise ValueError(f"policies: must be {count}, one for each environment, got {len(policies)}")
-    groups = [(predictor(policy, deterministic=True), members) for policy, members in _groups(policies)]
+    places: dict[int, list[int]] = {}
+    for index, policy in enumerate(policies):
+        places.setdefault(id(policy), []).append(index)
+    groups = [(predictor(policies[own[0]], deterministic=True), np.array(own)) for own in places.values()]
     memories: list[Any] = [None] * len(groups)
     start = np.ones(count, dtype=bool)
     actions = np.zeros(envs.action_space.shape or (), dtype=np.float32)
@@ -229,17 +232,3 @@ def _chooser(policies: Sequence[Any], envs: FlexArmVectorEnv) -> Callable[[Obser
         return actions
 
     return choose
-
-
-def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64]]]:
-    """Return the policies and the environments of each; neighbours are a slice, which is cheaper to index with."""
-    members: dict[int, list[int]] = {}
-    for index, policy in enumerate(policies):
-        members.setdefault(id(policy), []).append(index)
-    return [
-        (
-            policies[found[0]],
-            slice(found[0], found[-1] + 1) if found[-1] - found[0] + 1 == len(found) else np.array(found),
-        )
-        for found in members.values()
-    ]

@@ -93,12 +93,9 @@ def number(
         within = (above is None or x > above) and (least is None or x >= least) and (most is None or x <= most)
         if within and math.isfinite(x):
             return x
-    bounds = [
-        text
-        for text, bound in ((f"> {above}", above), (f">= {least}", least), (f"<= {most}", most))
-        if bound is not None
-    ]
-    allowed = " and ".join(["a finite number", *bounds]) + (f" [{unit}]" if unit else "")
+    bounds = {f"> {above}": above, f">= {least}": least, f"<= {most}": most}
+    told = [text for text, bound in bounds.items() if bound is not None]
+    allowed = " and ".join(["a finite number", *told]) + (f" [{unit}]" if unit else "")
     raise (ValueError if real else TypeError)(f"{name} = {shown(value)}: must be {allowed}")
 
 
@@ -114,20 +111,12 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     return n
 
 
-def pair(
-    name: str,
-    value: object,
-    unit: str = "",
-    *,
-    above: float | None = None,
-    least: float | None = None,
-    most: float | None = None,
-) -> tuple[float, float]:
+def pair(name: str, value: object, unit: str = "", **bounds: float | None) -> tuple[float, float]:
     """Check two finite numbers, one for each link or joint; bounds as in `number`."""
     values = entries(value)
     if values is None or len(values) != 2:
         raise TypeError(f"{name} = {shown(value)}: must be a pair of numbers" + (f" [{unit}]" if unit else ""))
-    first, second = (number(f"{name}[{i}]", x, unit, above=above, least=least, most=most) for i, x in enumerate(values))
+    first, second = (number(f"{name}[{i}]", x, unit, **bounds) for i, x in enumerate(values))
     return first, second
 
 

@@ -244,7 +244,7 @@ def _by_damping(k: Constants, parameters: ArmParameters, modes: tuple[LinkModes,
 
 def _alone(k: Constants, **fields: Vector) -> np.ndarray:
     """Return some fields among zeros in the place of all others; flat as `k.flat`."""
-    zeros = [(0.0,) * len(each) if isinstance(each, tuple) else 0.0 for each in k]
+    zeros: list[Any] = [(0.0,) * len(each) if isinstance(each, tuple) else 0.0 for each in k]
     return np.array(Constants(*zeros)._replace(**fields).flat())
 
 

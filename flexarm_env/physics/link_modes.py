@@ -16,7 +16,6 @@ sinh; here the roots are exact and ``k_i = (cos + cosh) / (sin + sinh)``. See do
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
@@ -45,23 +44,20 @@ def clamped_free_roots(count: int) -> tuple[float, ...]:
     return tuple(brentq(scaled, i * np.pi, (i + 1) * np.pi, xtol=1e-15, rtol=1e-15) for i in range(count))
 
 
-@dataclass(frozen=True, eq=False)
 class CantileverShapes:
     """The clamped-free beam's modes A [cosh - cos - k (sinh - sin)] (lambda x) (4).
 
     Attributes:
-        length: L [m].
-        scale: A [m].
         wavenumbers: lambda_i [1/m]. Shape (m,).
     """
 
-    length: float
-    scale: float
-    wavenumbers: Array
+    def __init__(self, length: float, count: int, scale: float) -> None:
+        self._length, self._scale = length, scale
+        self.wavenumbers = np.array(clamped_free_roots(count)) / length
 
     def __call__(self, x: Array, order: int) -> Array:
         """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
-        z = self.wavenumbers * self.length
+        z = self.wavenumbers * self._length
         k = (np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z))
         u = x[..., None] * self.wavenumbers
         cosh, sinh, cos, sin = np.cosh(u), np.sinh(u), np.cos(u), np.sin(u)
@@ -70,64 +66,50 @@ class CantileverShapes:
             sinh + sin - k * (cosh - cos),
             cosh + cos - k * (sinh + sin),
         )[order]
-        return self.scale * self.wavenumbers**order * bracket
+        return self._scale * self.wavenumbers**order * bracket
 
 
-@dataclass(frozen=True, eq=False)
 class PolynomialShapes:
-    """Polynomials in x / L, in m.
-
-    Attributes:
-        length: L [m].
-        coefficients: coefficients of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
-    """
-
-    length: float
-    coefficients: Array
-
-    def __call__(self, x: Array, order: int) -> Array:
-        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
-        derived = polynomial.polyder(self.coefficients, order) / self.length**order
-        return np.moveaxis(polynomial.polyval(x / self.length, derived), 0, -1)
-
-
-Shapes = Callable[[Array, int], Array]
-
-
-def _cantilever(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Return the shapes and wavenumbers of the clamped-free beam (4)."""
-    wavenumbers = np.array(clamped_free_roots(count)) / length
-    return CantileverShapes(length, scale, wavenumbers), wavenumbers
-
-
-def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Return the shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
+    """The Rayleigh-Ritz modes of that beam in the space of x^2 to x^(m+1).
 
     With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal. Their
     coefficients are the whole numbers (-1)^(j-k) (j over k) (j + k + 4 over j), Abramowitz & Stegun 22.3.2.
+
+    Attributes:
+        wavenumbers: lambda_i [1/m]. Shape (m,).
     """
-    basis = []
-    for j in range(count):
-        jacobi = [(-1) ** (j - k) * comb(j, k) * comb(j + k + 4, j) for k in range(j + 1)]
-        basis.append(Polynomial([0.0, 0.0, *(np.sqrt(2.0 * j + 5.0) * np.array(jacobi))]))
-    curvature = np.array([p.deriv(2)(_NODES) for p in basis])
-    fourth_powers, combinations = np.linalg.eigh(curvature * _WEIGHTS @ curvature.T)  # of lambda L
-    powers = np.zeros((count + 2, count))
-    for j, p in enumerate(basis):
-        powers[: len(p.coef)] += p.coef[:, None] * combinations[j]
-    tips = 2.0 * scale * (-1.0) ** np.arange(count)  # as the cantilever's
-    return PolynomialShapes(length, powers * (tips / powers.sum(axis=0))), fourth_powers**0.25 / length
+
+    def __init__(self, length: float, count: int, scale: float) -> None:
+        basis = []
+        for j in range(count):
+            jacobi = [(-1) ** (j - k) * comb(j, k) * comb(j + k + 4, j) for k in range(j + 1)]
+            basis.append(Polynomial([0.0, 0.0, *(np.sqrt(2.0 * j + 5.0) * np.array(jacobi))]))
+        curvature = np.array([p.deriv(2)(_NODES) for p in basis])
+        fourth_powers, combinations = np.linalg.eigh(curvature * _WEIGHTS @ curvature.T)  # of lambda L
+        powers = np.zeros((count + 2, count))  # of xi, from the constant up; a column for each shape
+        for j, p in enumerate(basis):
+            powers[: len(p.coef)] += p.coef[:, None] * combinations[j]
+        tips = 2.0 * scale * (-1.0) ** np.arange(count)  # as the cantilever's
+        self._length = length
+        self._coefficients: Array = powers * (tips / powers.sum(axis=0))
+        self.wavenumbers = fourth_powers**0.25 / length
+
+    def __call__(self, x: Array, order: int) -> Array:
+        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
+        derived = polynomial.polyder(self._coefficients, order) / self._length**order
+        return np.moveaxis(polynomial.polyval(x / self._length, derived), 0, -1)
 
 
-_SHAPES = {"cantilever": _cantilever, "polynomial": _polynomial}
+Shapes = CantileverShapes | PolynomialShapes
+_SHAPES: dict[str, type[Shapes]] = {"cantilever": CantileverShapes, "polynomial": PolynomialShapes}
 
 
 @lru_cache
-def _evaluated(kind: str, length: float, count: int, scale: float) -> tuple[Shapes, Array, Array, Array, Array, Array]:
-    """Return shapes and wavenumbers; shapes and curvatures on the nodes, values and slopes at the tip."""
-    shapes, wavenumbers = _SHAPES[kind](length, count, scale)
+def _evaluated(kind: str, length: float, count: int, scale: float) -> tuple[Shapes, Array, Array, Array, Array]:
+    """Return shapes: themselves, they and their curvatures on the nodes, values and slopes at the tip."""
+    shapes = _SHAPES[kind](length, count, scale)
     x, end = _NODES * length, np.array(length)
-    return shapes, wavenumbers, shapes(x, 0), shapes(x, 2), shapes(end, 0), shapes(end, 1)
+    return shapes, shapes(x, 0), shapes(x, 2), shapes(end, 0), shapes(end, 1)
 
 
 @dataclass(frozen=True)
@@ -211,15 +193,15 @@ def link_modes(
     Returns:
         `LinkModes`; the arguments are taken as validated (see `ArmParameters`).
     """
-    shapes, wavenumbers, phi, phi_xx, tips, slopes = _evaluated(mode_shapes, length, count, scale)
+    shapes, phi, phi_xx, tips, slopes = _evaluated(mode_shapes, length, count, scale)
     x = _NODES * length
     weight = _WEIGHTS * length
     return LinkModes(
         length=length,
         mass_per_length=mass_per_length,
         shapes=shapes,
-        wavenumbers=wavenumbers,
-        frequencies=wavenumbers**2 * np.sqrt(flexural_rigidity / mass_per_length),  # (5)
+        wavenumbers=shapes.wavenumbers,
+        frequencies=shapes.wavenumbers**2 * np.sqrt(flexural_rigidity / mass_per_length),  # (5)
         tip_values=tips,
         tip_slopes=slopes,
         first_moment=mass_per_length * weight @ phi,
