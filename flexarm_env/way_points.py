@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.physics.paths import FARTHEST, LARGEST_TIME, ReferencePath, parabolas, sides_of
-from flexarm_env.validation import finite_array, number
+from flexarm_env.validation import finite_array, number, real_array
 
 Array = NDArray[np.float64]
 LARGEST_SPEED = 1e6  # [m/s]
@@ -44,8 +44,8 @@ def at_speeds(points: ArrayLike, speeds: ArrayLike, closed: bool = True) -> Arra
         ValueError: for less than two points, two the same that follow each other, or speeds that are not above 0.
     """
     ends, lengths = sides_of("points", points, closed)
-    given = np.asarray(speeds)
-    fast = finite_array("speeds", np.full(len(lengths), given) if given.ndim == 0 else speeds, (len(lengths),))
+    given = real_array("speeds", speeds)
+    fast = finite_array("speeds", np.full(len(lengths), given) if given.ndim == 0 else given, (len(lengths),))
     for n, speed in enumerate(fast.tolist()):
         number(f"speeds[{n}]", speed, "m/s", above=0.0, most=LARGEST_SPEED)
     return np.column_stack([np.concatenate([[0.0], np.cumsum(lengths / fast)]), ends])

@@ -188,6 +188,7 @@ test_bad_input_is_refused = refused(
     (lambda: record(gymnasium.make("CartPole-v1"), TORQUE), "TypeError: env = .*: must be a FlexArmEnv"),
     (of_environment(torque_resolution=(1, 1)), "ideal motors"),
     (of_environment(pulse_force=(1, 0)), "pulse_force = 0"),
+    (of_environment(arm={"modes_per_link": 1}, error_limit=1e-3), r"env: its episode ended after 0\.01 s"),
 )
 
 
@@ -196,7 +197,12 @@ def of_arm(**options: Any) -> Any:
     return lambda: simulated(**good | options)
 
 
+def test_a_channel_whose_readings_are_all_earlier_is_left_out() -> None:
+    assert of_arm(delay=1.0)().channels == ("joint", "deflection")
+
+
 test_bad_input_of_simulated_is_refused = refused(
+    (of_arm(actuation_delay=1.0), "a recording without readings"),
     (of_arm(delay=-0.1), r"delay = -0\.1: must be"),
     (of_arm(actuation_delay=np.nan), "actuation_delay = nan: must be"),
     (of_arm(actuation_delay="1"), "TypeError: actuation_delay = '1': must be"),

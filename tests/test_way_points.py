@@ -71,6 +71,7 @@ test_bad_input_is_refused = refused(
     (lambda: way_points.at_speeds(SQUARE, 0.0), r"speeds\[0\] = 0.0: must be"),
     (lambda: way_points.at_speeds(SQUARE, [1.0, 2e6, 1.0, 1.0]), r"speeds\[1\] = 2000000.0: must be .* <= 1000000"),
     (lambda: way_points.at_speeds(SQUARE, [1.0, 1.0]), r"speeds.*\(4,\)"),
+    (lambda: way_points.at_speeds(SQUARE, [1.0, [1.0], 1.0, 1.0]), "speeds: must be an array of real numbers"),
     (lambda: way_points.sampled(lambda t: (t,), 1.0), r"function\(0\)"),
     (lambda: way_points.sampled(lambda t: (t, t), 0.0), "duration = 0.0: must be"),
     (lambda: way_points.sampled(lambda t: (t, t), 1.0, 0.0), "period = 0.0: must be"),

@@ -22,6 +22,7 @@ from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
 from flexarm_env.extras import install_hint
 from flexarm_env.validation import finite_array, instance, integer, listed, shown
+from flexarm_env.validation import names as checked_names
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -114,8 +115,9 @@ class Plant:
             matrix: e.g. the transposed Jacobian of the paper's law (10). Shape (inputs, k).
             names: names of the new inputs, k.
         """
-        through = finite_array("matrix", matrix, (self.B.shape[1], len(names)))
-        return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
+        inputs = checked_names("names", names)
+        through = finite_array("matrix", matrix, (self.B.shape[1], len(inputs)))
+        return replace(self, B=self.B @ through, D=self.D @ through, inputs=inputs)
 
     def at(self, s: complex) -> Complex:
         """Return the transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).

@@ -64,7 +64,7 @@ def simulated(
         period: between instants [s].
         delay: of the tip's reading [s].
         actuation_delay: from a torque to its effect [s]; the arm is in `state` this long after the first instant, when
-            the first torque begins to act. Readings of earlier times are NaN.
+            the first torque begins to act. Readings of earlier times are NaN; a channel of such alone is left out.
         sensor_position: see `identify`.
 
     Raises:
@@ -76,7 +76,8 @@ def simulated(
     check_place(arm, sensor_position)
     start = finite_array("state", state, (4 * arm.modes_per_link + 4,), LARGEST)
     read, _ = Model([], torques[None], period, delays, sensor_position).readings(arm, start[None], {})
-    return Recording(period, torques, **{name: read[name][0, ..., 0] for name in CHANNELS})
+    channels = {name: read[name][0, ..., 0] for name in CHANNELS}
+    return Recording(period, torques, **{name: one for name, one in channels.items() if not np.isnan(one).all()})
 
 
 def checked_delays(delay: float, actuation_delay: float) -> dict[str, float]:

@@ -152,6 +152,8 @@ def record(env: gymnasium.Env[Any, Any], torque: Any, seed: int | None = None) -
         observation, _, terminated, truncated, _ = env.step((one / settings.motor_limit).astype(np.float32))
         if terminated or truncated:
             break
+    if len(rows) < 2:
+        raise ValueError(f"env: its episode ended after {settings.control_period:g} s; a recording has two instants")
     read = np.array(rows)
     parts = {"joint": "joint_angles", "deflection": "modal_coordinates", "tip": "sensed_position"}
     channels = {name: read[:, blocks[block]] for name, block in parts.items() if block in blocks}

@@ -34,6 +34,8 @@ def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf)
         since: from this time on [s].
         until: up to this time [s].
     """
+    if len(run) < 3:
+        raise ValueError(f"run: must have at least 3 instants, got {len(run)}")
     step = run.time[1] - run.time[0]
     acceleration = np.diff(run.rigid_tip, n=2, axis=0) / step**2
     inside = instants(run.time[1:-1], since, until)

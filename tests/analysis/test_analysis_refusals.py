@@ -121,6 +121,7 @@ test_bad_input_is_refused = refused(
     (lambda: Sensor("joint angles", 1, 2.0), r"link = 1, position = 2\.0: joint angles have no place"),
     (lambda: plant(tip(), tip()), "sensors: there are two of Sensor"),
     (lambda: plant().select(inputs="shoulder"), "TypeError: inputs = 'shoulder': must be a list or a tuple"),
+    (lambda: plant().driven_through(np.eye(2), "uv"), "TypeError: names = 'uv': must be a list or a tuple"),
     (lambda: plant(tip(delay=0.1)).pade(0), "order = 0"),
     (lambda: link_zeros(LINEAR, 1, 0.0), "position = 0.0"),
     # frequencies

@@ -97,6 +97,7 @@ test_refusals = refused(
     (lambda: tracking_error(replace(run_with(NOWHERE), reference=None)), "reference"),
     (lambda: tracking_error(run_with(NOWHERE), "elbow"), "tip = 'elbow'"),
     (lambda: tracking_error(run_with(NOWHERE), since=5.0), r"window = 5\.0 to inf s"),
+    (lambda: metrics.tip_acceleration(elbow_run(TIME[:1], TIME[:1])), "run: must have at least 3 instants, got 1"),
 )
 
 
