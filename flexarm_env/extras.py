@@ -14,21 +14,14 @@ from gymnasium.error import DependencyNotInstalled
 
 
 def install_hint(package: str, extra: str) -> str:
-    """Write the message for a missing package.
-
-    Args:
-        package: its name.
-        extra: extra of FlexArm, which brings it.
-    """
+    """Write the message for a missing package, and the extra of FlexArm that brings it."""
     return f"{package} is not installed; run `{install_command(extra)}`"
 
 
 def install_command(extra: str, package: Path | None = None) -> str:
     """Return the command that brings an extra to this installation: to the clone, or from where it was installed.
 
-    Args:
-        extra: of FlexArm.
-        package: folder of this package, if it is elsewhere.
+    `package`: the folder of `flexarm_env`, if it is another than this one.
     """
     clone = (package or Path(__file__).resolve().parent).parent
     if (clone / "pyproject.toml").is_file():

@@ -158,17 +158,7 @@ def finite_array(
 
 
 def finite_rows(name: str, value: ArrayLike, last: int, most: float = np.inf) -> NDArray[np.float64]:
-    """Check an array of finite numbers with a given last axis and any number of leading ones.
-
-    Args:
-        name: for messages.
-        value: what the user gave.
-        last: length of the last axis.
-        most: largest magnitude of an entry.
-
-    Returns:
-        A new float64 array.
-    """
+    """Check an array of finite numbers whose last axis has a given length, whatever the others; see `finite_array`."""
     array = real_array(name, value)
     if array.ndim == 0 or array.shape[-1] != last:
         raise ValueError(f"{name}: must have shape (..., {last}), got {array.shape}")
@@ -176,7 +166,7 @@ def finite_rows(name: str, value: ArrayLike, last: int, most: float = np.inf) ->
 
 
 def finite_values(name: str, value: ArrayLike, most: float = np.inf) -> NDArray[np.float64]:
-    """Check an array of finite numbers of any shape; arguments as in `finite_rows`."""
+    """Check an array of finite numbers of any shape; see `finite_array`."""
     return _finite(name, real_array(name, value), most)
 
 

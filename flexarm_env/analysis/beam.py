@@ -73,14 +73,10 @@ def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> 
 
 
 def _decaying(z: Array, share: float) -> Array:
-    """Return w(s) for a real sigma, up to a positive factor.
+    """Return w(s) for a real sigma, up to a positive factor; `z`: kappa L, Shape (k,), `share`: s / L.
 
     ``w = (a cos + b sin)(kappa x) exp(-kappa x) + (c cos + d sin)(kappa (L - x)) exp(-kappa (2 L - x))``: the free end
     gives c and d from a and b, the hinge a from b.
-
-    Args:
-        z: kappa L. Shape (k,).
-        share: s / L.
     """
     cos, sin, echo = np.cos(z), np.sin(z), np.exp(-2.0 * z)
     c_of_a, d_of_a = cos - 2.0 * sin, sin
@@ -93,14 +89,10 @@ def _decaying(z: Array, share: float) -> Array:
 
 
 def _swinging(z: Array, share: float) -> Array:
-    """Return w(s) for an imaginary sigma, up to a positive factor.
+    """Return w(s) for an imaginary sigma, up to a positive factor; `z`: k L, Shape (k,), `share`: s / L.
 
     ``w = a cos kx + b sin kx + c exp(-kx) + d exp(-k (L - x))`` with ``a = -c - d exp(-kL)`` (hinge); the free end's
     two conditions leave (b, c, d) as their vector product.
-
-    Args:
-        z: k L. Shape (k,).
-        share: s / L.
     """
     cos, sin, echo = np.cos(z), np.sin(z), np.exp(-z)
     moment = -sin, cos + echo, 1.0 + echo * cos

@@ -96,10 +96,7 @@ def _cells(loop: LawLoop, longest: float) -> _Cells:
 def _excess(loop: LawLoop, cells: _Cells, omega: Array) -> tuple[Array, Array]:
     """Return by how much each cell's phase is beyond a crossing's, and the longer delay's phase [rad]. Shape (k,) each.
 
-    Args:
-        loop: the loop.
-        cells: the cells.
-        omega: one frequency in each [rad/s]. Shape (k,).
+    `omega`: a frequency in each cell [rad/s]. Shape (k,).
     """
     now = _phases(loop, omega)[np.arange(len(omega)), cells.branch]
     now = cells.phases + _wrapped(now - cells.phases)

@@ -75,12 +75,6 @@ class Zeros:
 def zeros(plant: Plant) -> Zeros:
     """Return the invariant zeros of a square plant; an exact delay adds none, its Pade model its own.
 
-    Args:
-        plant: as many outputs as inputs.
-
-    Returns:
-        The finite zeros and the number of infinite ones.
-
     Raises:
         ValueError: for a plant that is not square, or one whose input-output map has lost rank or nearly so: an
             arm that is straight or folded, or a point on link 1, under a Cartesian sensor.
@@ -211,13 +205,7 @@ def _rosenbrock(plant: Plant) -> Complex:
 
 
 def _finite(a: Array, b: Array, infinite: float) -> Complex:
-    """Return the finite generalised eigenvalues of a - s b.
-
-    Args:
-        a: Shape (n, n).
-        b: Shape (n, n).
-        infinite: distance from infinity that counts as infinite.
-    """
+    """Return the finite generalised eigenvalues of a - s b; `infinite`: distance from infinity that counts as such."""
     size_a, size_b = np.linalg.norm(a), np.linalg.norm(b)
     if size_b == 0.0 or size_a == 0.0:
         return np.zeros(0 if size_b == 0.0 else len(a), dtype=complex)

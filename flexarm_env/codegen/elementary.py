@@ -22,16 +22,11 @@ from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, quarte
 
 @recorded_once(2)
 def sincos(x: Any) -> tuple[Any, Any]:
-    """Return the sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
+    """Return sine and cosine of an angle [rad], branch-free; within 2 units in the last place for |x| < 1e5 rad.
 
     pi/2 is subtracted in three parts (Cody & Waite 1980), the first two of 33 bits: k times them is exact for
-    |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989).
-
-    Args:
-        x: angle [rad].
-
-    Returns:
-        (sin x, cos x); both NaN where x is not finite.
+    |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989). Both are NaN where x is not
+    finite.
     """
     k = floor(x * 0.636619772367581343076 + 0.5)
     r = x - k * 1.57079632673412561417e00
@@ -74,10 +69,6 @@ def arctan2(y: Any, x: Any) -> Any:
 
     The smaller coordinate over the larger, reduced to [-tan(pi/8), tan(pi/8)], and the rational approximation of the
     Cephes library (Moshier 1989). At the origin 0; NaN where a coordinate is NaN.
-
-    Args:
-        y: any length unit.
-        x: the same unit.
     """
     across, along = magnitude(y), magnitude(x)
     low = where_less(across, along, across, along)

@@ -137,11 +137,7 @@ def modal_mass(link: Link, q: Vector) -> Vector:
 def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, list[Any]]:
     """Return the velocity forces of a link whose root does not move, on the root and on each mode, at v' = 0.
 
-    Args:
-        link: the link.
-        q: modal coordinates.
-        rates: rates of the coordinates [1/s].
-        turn: angular velocity of the root tangent [rad/s].
+    `q`: modal coordinates, `rates`: theirs [1/s], `turn`: angular velocity of the root tangent [rad/s].
     """
     turned, square, out = [2.0 * turn * rate for rate in rates], turn * turn, centrifugal_forces(link, q)
     root: Any = 0.0

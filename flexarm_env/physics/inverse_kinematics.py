@@ -18,19 +18,10 @@ TURN = 6.283185307179586
 
 
 def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Return the joint angles that put the rigid arm's tip at a point, or as near as the straight or folded arm can.
+    """Return the joint angles [rad] that put the rigid arm's tip at a point [m], or as near as it can.
 
-    By the half angle, which keeps its digits where the arm is straight or folded.
-
-    Args:
-        length_1: L1 [m].
-        length_2: L2 [m].
-        branch: 1 for a positive theta2, -1 for a negative one.
-        x: x coordinate of the tip [m].
-        y: y coordinate of the tip [m].
-
-    Returns:
-        theta1, theta2 [rad].
+    By the half angle, which keeps its digits where the arm is straight or folded; beyond its reach it is either.
+    `branch`: 1 for a positive theta2, -1 for a negative one.
     """
     squared = x * x + y * y
     reach = length_1 + length_2
@@ -45,7 +36,7 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
 def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
     """Return the joint rates [rad/s] that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
 
-    Args: lengths [m], angles [rad] and the tip's velocity [m/s].
+    Lengths in m, angles in rad, the tip's velocity in m/s.
     """
     sin_1, cos_1 = sincos(theta1)
     sine, cosine = sincos(theta2)

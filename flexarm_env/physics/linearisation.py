@@ -57,17 +57,9 @@ def straight_arms(k: Constants, theta2: Array) -> tuple[Array, Array]:
 
 
 def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array, torque: Array) -> Linearisation:
-    """Linearise the torque-driven arm.
+    """Linearise the torque-driven arm at a public state, Shape (2 n,), and a torque [N m], Shape (2,).
 
-    Args:
-        k: constants.
-        e: see `dynamics.inertia`.
-        complete: see `dynamics.acceleration`.
-        state: public operating point. Shape (2 n,).
-        torque: [N m]. Shape (2,).
-
-    Returns:
-        A, B and the rate at the point.
+    `e` and `complete` are as of `dynamics.acceleration`.
     """
     n, inward, outward = len(state) // 2, to_internal(k), to_public(k)
     ways = np.zeros((2 * n + 2, 2 * n + 2))  # each internal coordinate, rate and torque by each public one
