@@ -17,11 +17,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexarm_env import formulas
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.episode import reward
 from flexarm_env.episode.features import Measurements, features, in_frame, joint_aim
 from flexarm_env.kernels.delay_line import hermite
-from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.parameters import WAVE_SPEED, ArmParameters, SquareParameters
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.paths import square
@@ -36,6 +36,7 @@ HORIZONS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0)  # [s]; previews of the referen
 WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
 LARGEST_DEFLECTION, LARGEST_ERROR = 1.5, 2.5  # [m]; beyond them the episode terminates
 LONG_AGO = -1e18  # [s]
+SIN, COS = (lambda angle: sincos(angle)[0]), (lambda angle: sincos(angle)[1])
 
 Floats = list[float]
 
@@ -44,8 +45,7 @@ class ReferenceEpisode:
     """One arm on its way along the square.
 
     Attributes:
-        y, p: internal coordinates and their momenta (`flexarm_env.physics.dynamics`).
-        v: rates of the coordinates.
+        state: joint angles and modal coordinates, and their rates (`flexarm_env.simulation.arm`).
         history: what the sensor at the tip has read at each integration step: position [m] and velocity [m/s].
     """
 
@@ -61,15 +61,12 @@ class ReferenceEpisode:
 
     def reset(self) -> Floats:
         """Put the arm at rest on the first corner; return the observation."""
-        state = self.arm.internal_state(rest_state(self.arm, self.path.table[0, 1:], self.branch)).tolist()
-        self.y, self.v = state[: self.arm.size], state[self.arm.size :]
-        sin, cos = sincos(dyn.elbow_turn(self.y))
-        self.p = dyn.momentum(self.k, self.y, self.v, cos, sin)
+        self.state: Floats = rest_state(self.arm, self.path.table[0, 1:], self.branch).tolist()
         self.steps = 0  # integration steps since the start
         before = int((self.delay + PERIOD) / self.h) + 2  # until the start the arm rested, and so did the reference
-        self.history = [point_reading(self.k, self.tip, self.y, self.v)] * before
+        self.history = [point_reading(self.k, self.tip, *self._internal())] * before
         self.action: Floats = [0.0, 0.0]
-        self.joint_aim = [self.y[0], 0.0, 0.0, 0.0]
+        self.joint_aim = [self.state[0], 0.0, 0.0, 0.0]
         self.sensor_error, self.taken = [0.0, 0.0], -self.delay - PERIOD
         return self._observe()
 
@@ -79,40 +76,25 @@ class ReferenceEpisode:
         change = sum((new - old) ** 2 for new, old in zip(self.action, before, strict=True))
         torque = [limit * share for limit, share in zip(TORQUE_LIMIT, self.action, strict=True)]
         for _ in range(SUBSTEPS):
-            self._integrate(torque)
+            self.state = formulas.step(self.arm, self.state, torque, self.h, SIN, COS)
             self.steps += 1
-            self.history.append(point_reading(self.k, self.tip, self.y, self.v))
+            self.history.append(point_reading(self.k, self.tip, *self._internal()))
         observation = self._observe()
-        now = truth(self.k, self.tip, self.y, self.v)
+        now = truth(self.k, self.tip, *self._internal())
         square_error = reward.squared_distance(now.true_tip, self._reference(0.0))
         terms = reward.tracking_terms(square_error)
         terms += reward.regularising_terms(change, torque, now.deflection_rate)
         names = [name for name in reward.TERMS if name not in reward.OF_RACES]
         total = sum(WEIGHTS.get(name, 0.0) * term for name, term in zip(names, terms, strict=True))
-        invalid = np.any(np.abs(now.state) > state_limits(self.arm))  # it has no reward
+        invalid = np.any(np.abs(self.state) > state_limits(self.arm))  # it has no reward
         outside = max(map(abs, now.deflection)) > LARGEST_DEFLECTION or square_error > LARGEST_ERROR**2
         ended = bool(invalid or outside), self.steps >= STEPS * SUBSTEPS
         return observation, 0.0 if invalid else float(total), *ended
 
-    def _integrate(self, torque: Floats) -> None:
-        """Advance by one step of the classical Runge-Kutta method, in coordinates and momenta."""
-        driven = dyn.generalised_torque(self.k, torque)
-        y, p, total = self.y, self.p, [0.0] * (2 * len(self.y))
-        for following, weight in zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True):
-            rates, force = self._rates(y, p)
-            force = [own + motor for own, motor in zip(force, driven, strict=True)]
-            total = [a + weight * b for a, b in zip(total, [*rates, *force], strict=True)]
-            y = [a + self.h * following * b for a, b in zip(self.y, rates, strict=True)]
-            p = [a + self.h * following * b for a, b in zip(self.p, force, strict=True)]
-        moved = [a + self.h / 6.0 * b for a, b in zip([*self.y, *self.p], total, strict=True)]
-        self.y, self.p = moved[: len(y)], moved[len(y) :]
-        self.v, _ = self._rates(self.y, self.p)
-
-    def _rates(self, y: Floats, p: Floats) -> tuple[Floats, Floats]:
-        """Return y' = M(y)^-1 p, and p' without the motors."""
-        sin, cos = sincos(dyn.elbow_turn(y))
-        v = dyn.solve(self.k, None, dyn.inertia(self.k, None, y, cos, sin), p)
-        return v, dyn.momentum_rate(self.k, True, y, v, (0.0, 0.0), (cos, sin, 0.0))
+    def _internal(self) -> tuple[Floats, Floats]:
+        """Return y and v, the coordinates and rates that the formulas take (`flexarm_env.physics.dynamics`)."""
+        q, rates = self.state[: self.arm.size], self.state[self.arm.size :]
+        return dyn.internal_coordinates(self.k, q), dyn.internal_coordinates(self.k, rates)
 
     def _reference(self, ahead: float, since: float = 0.0) -> tuple[float, ...]:
         """Return position [m] and velocity [m/s] of the reference, some time ahead; before `since` it rests."""
@@ -128,7 +110,7 @@ class ReferenceEpisode:
 
     def _observe(self) -> Floats:
         """Measure the present instant, and write the observation: each number over its scale."""
-        state, n = truth(self.k, self.tip, self.y, self.v).state, self.arm.size
+        state, n = self.state, self.arm.size
         theta, modal, theta_rate, modal_rate = state[:2], state[2:n], state[n : n + 2], state[n + 2 :]
         reference, sensed = self._reference(0.0), self._late_reading()
         sign = 1.0 if self.branch == "positive" else -1.0

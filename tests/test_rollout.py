@@ -10,7 +10,6 @@ import pytest
 from flexarm_agents import load_policy
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env import run_batch, run_policy, state_limits
-from flexarm_env.physics.sensing import truth
 from flexarm_env.reference_episode import ReferenceEpisode
 from tests.support.refusals import refused
 
@@ -170,8 +169,7 @@ def compare(branch: str, act: Callable[[Any], Any]) -> tuple[bool, bool, int]:
         steps += 1
         assert same_ended == ended
         assert same_reward == pytest.approx(reward, abs=1e-9)
-        state = truth(plain.k, plain.tip, plain.y, plain.v).state
-        np.testing.assert_allclose(state, info["state"], rtol=0.0, atol=1e-9 * np.abs(info["state"]).max())
+        np.testing.assert_allclose(plain.state, info["state"], rtol=0.0, atol=1e-9 * np.abs(info["state"]).max())
     return *ended, steps
 
 
