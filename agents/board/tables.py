@@ -215,17 +215,12 @@ def unknown_cells(entry: Entry) -> list[str]:
     low, high = (f"{100.0 * end:.1f}" for end in whole["loss_interval"])
     quantiles = (_or_infinite(whole["rms"], what) for what in ("median", "p90"))
     cells = [LOST if np.isinf(one) else millimetres(one) for one in quantiles]
-    return [f"{share(whole['lost'] / whole['episodes'])} ({low} to {high})", *cells]
+    return [f"{100.0 * (whole['lost'] / whole['episodes']):.1f} % ({low} to {high})", *cells]
 
 
 def nominal_cells(entry: Entry) -> list[str]:
     """Write the columns `NOMINAL`."""
     return [LOST if one is None else millimetres(one["rms"]) for one in nominal_errors(entry).values()]
-
-
-def share(part: float) -> str:
-    """Write a share in percent."""
-    return f"{100.0 * part:.1f} %"
 
 
 def millimetres(metres: float) -> str:

@@ -75,17 +75,16 @@ def pace(lap_time: float) -> str:
     return f"pace{lap_time:g}" if lap_time != LAP_TIMES[-1] else "square"
 
 
-def _faster(lap_time: float) -> BoardTask:
-    return BoardTask(options={"lap_time": lap_time}, best=partial(best_plans, f"default_pace{lap_time:g}"))
-
-
 LAP_TIMES = (5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 16.0)  # of the square [s]; there are plans for each
 TASKS: dict[str, BoardTask] = {
     "square": BoardTask(best=best_plans),
     "track": BoardTask(options=IDS["Track-v0"].options),
     "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
     "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
-    **{pace(lap_time): _faster(lap_time) for lap_time in LAP_TIMES[:-1]},
+    **{
+        pace(x): BoardTask(options={"lap_time": x}, best=partial(best_plans, f"default_pace{x:g}"))
+        for x in LAP_TIMES[:-1]
+    },
     # designed on the data sheet's arm; with a step that is short enough for the gain's law
     "lab": BoardTask(
         options=task_options("Lab-v0") | {"arm": "quanser", "physics_step": None},

@@ -27,11 +27,7 @@ OLD_VERBS = {"teach": ["train", "--algorithm", "dagger"], "descend": ["train", "
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command; ends with `SystemExit` unless all went well.
-
-    Args:
-        arguments: without the program's name; None: of this process.
-    """
+    """Run the command with some arguments, or this process's; it ends with `SystemExit` unless all went well."""
     longest = max(map(len, VERBS))
     verbs = "\n".join(f"  {verb:<{longest}}  {text}" for verb, (_, text) in VERBS.items())
     parser = argparse.ArgumentParser(

@@ -26,13 +26,8 @@ class Failure(NamedTuple):
 def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
     """Write the tracebacks of failed jobs to `failures.log` in a folder; without failed jobs that file is removed.
 
-    Args:
-        failed: the jobs.
-        folder: folder of the log.
-        rest: end of the message: what follows from the failures.
-
     Raises:
-        OSError: if a job failed.
+        OSError: if a job failed; near the end it says what follows from that, the `rest`.
     """
     log = folder / LOG
     if not failed:

@@ -45,17 +45,11 @@ class FlexArmVecEnv(VecEnv):
     other options make another batch and give it to the model by `set_env`.
 
     Attributes:
-        env: the vector environment.
+        env: the vector environment, made with `autoreset_mode="SameStep"`.
         infos: "final" (only environments whose episode ended carry an info, the others an empty one: cheap) or "all".
     """
 
     def __init__(self, env: FlexArmVectorEnv, infos: Infos = "final") -> None:
-        """Put the interface over a vector environment.
-
-        Args:
-            env: made with `autoreset_mode="SameStep"`.
-            infos: see the class.
-        """
         if not isinstance(env, FlexArmVectorEnv):
             raise TypeError(f"env = {shown(env)}: must be a FlexArmVectorEnv, not wrapped")
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:

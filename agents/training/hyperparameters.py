@@ -24,13 +24,9 @@ def names_in_zoo(kind: Any) -> dict[str, str]:
 
 
 def tuned(kind: Any, environment: str) -> Values:
-    """Return the tuned settings for an environment, by the names of the fields of a class of configurations.
+    """Return the tuned settings for an id, by the names of the fields of a class of configurations.
 
     An id that the file lacks has the settings of `HOME`, without its curriculum.
-
-    Args:
-        kind: class of the configurations.
-        environment: id, checked.
 
     Raises:
         ModuleNotFoundError: without the package that reads the file, naming the extra.

@@ -26,13 +26,10 @@ _OF_THE_ENVIRONMENT = ("n_timesteps", "n_envs", "env_kwargs.max_episode_steps")
 
 
 def value_first(schedule: LinearSchedule, level: float, share: float, left: float) -> float:
-    """Return a learning rate: constant while the value learns alone, then that of a schedule.
+    """Return the learning rate where so much of a training is left, as a share of it.
 
-    Args:
-        schedule: learning rate by the share that is left of the training after that.
-        level: learning rate while the value learns alone.
-        share: share of the training in which it does.
-        left: share of the training that is left.
+    A constant `level` while the value learns alone, for a `share` of the training; then that of a schedule, by what is
+    left of the rest.
     """
     rest = left / (1.0 - share)
     return level if rest >= 1.0 - ROUNDING else schedule(rest)

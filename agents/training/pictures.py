@@ -22,10 +22,7 @@ PANELS = {"duration": "end [s]; dot: complete", "rms": "error, r.m.s. [m]"}
 def draw_curve(rows: Sequence[Mapping[str, Any]], laps: Mapping[str, str], path: Path) -> None:
     """Draw how long the evaluations' laps lasted, and the errors of complete ones, over the environment steps.
 
-    Args:
-        rows: the evaluations, as `evaluations.json` has them.
-        laps: names of laps in a row that are drawn, and what each is called.
-        path: of the picture.
+    The rows are those of `evaluations.json`; of `laps` the names in a row say which are drawn, and what each is called.
     """
     if Figure is None:
         return

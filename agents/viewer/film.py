@@ -124,12 +124,9 @@ class Film:
         renderer.close()
 
     def write(self, path: Path, time: float | None = None, tick: Tick = lambda: None) -> None:
-        """Write a file, which is complete or absent.
+        """Write a .gif or .mp4, or as .png the picture of a time [s], None: the last one; complete or absent.
 
-        Args:
-            path: path of the file: .png, one picture, .gif or .mp4.
-            time: of the picture in a .png [s]; None: the last one.
-            tick: called after each picture.
+        `tick` is called after each picture.
         """
         suffix = check_output(path, self.fps, time)
         if suffix == ".png":

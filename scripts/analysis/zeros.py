@@ -78,12 +78,6 @@ def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
     return rows
 
 
-def exact(position: float) -> dict[str, list[float]]:
-    """Find the first four real and imaginary zeros of the exact beams, with the sensor at the point of link 2."""
-    found = link_zeros(undamped(1), 2, position, 4)
-    return {"real": found.real.tolist(), "imaginary": found.imaginary.tolist()}
-
-
 def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
     """Find the zeros with Im >= 0 along link 2, on either side of the axis, for the picture."""
     positions = np.linspace(0.1, 4.5, points)
@@ -92,7 +86,8 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
         point = bent(arm)
         each = (zeros(linear_plant(point, true_point(float(s)))).values for s in positions)
         found[name] = [[[float(v.real), float(v.imag)] for v in values if v.imag >= 0.0] for values in each]
-    found["exact beam"] = [exact(float(s)) for s in positions]
+    beams = (link_zeros(undamped(1), 2, float(s), 4) for s in positions)  # the first four of either kind
+    found["exact beam"] = [{"real": one.real.tolist(), "imaginary": one.imaginary.tolist()} for one in beams]
     found["exact link 1"] = link_zeros(undamped(1), 1, 4.5, 3).real.tolist()
     return found
 

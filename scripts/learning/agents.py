@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,24 +50,20 @@ Agents = Mapping[str, Agent]  # by their names
 def committed(
     study: str, beside: Collection[str] = (), points: Sequence[tuple[str, Any]] = ()
 ) -> Callable[[Path, int], dict[str, Agent]]:
-    """Return a study's `results`: they are read from docs/, and of entries beside them from the leaderboard's data.
+    """Return a study's `results`, which are read from a file of `FOLDER`.
 
-    Args:
-        study: name of a file in `FOLDER`.
-        beside: names of controllers and shipped agents on the board.
-        points: columns of the board and values there, where "errors" are measured.
+    Those of controllers and shipped agents beside them are the leaderboard's: "errors" at points, which are columns of
+    the board and values there.
     """
-    return partial(_read, FOLDER / f"{study}.json", beside, points)
 
+    def results(folder: Path, jobs: int) -> dict[str, Agent]:
+        found = {name: Agent(**one) for name, one in json.loads((FOLDER / f"{study}.json").read_text()).items()}
+        board = json.loads(PUBLISHED.read_text())
+        rows = {row["name"].removeprefix("agent "): row["columns"] for row in board["rows"]}
+        for name in beside:
+            each = [rows[name][axis]["points"][board["columns"][axis]["values"].index(value)] for axis, value in points]
+            errors = {lap: [one[lap]["rms"] and one[lap]["rms"]["mean"] for one in each] for lap in LAPS}
+            found[name] = Agent(None, None, [{"measured": {"errors": errors}}])
+        return found
 
-def _read(
-    path: Path, beside: Collection[str], points: Sequence[tuple[str, Any]], folder: Path, jobs: int
-) -> dict[str, Agent]:
-    found = {name: Agent(**one) for name, one in json.loads(path.read_text()).items()}
-    board = json.loads(PUBLISHED.read_text())
-    rows = {row["name"].removeprefix("agent "): row["columns"] for row in board["rows"]}
-    for name in beside:
-        each = [rows[name][axis]["points"][board["columns"][axis]["values"].index(value)] for axis, value in points]
-        errors = {lap: [one[lap]["rms"] and one[lap]["rms"]["mean"] for one in each] for lap in LAPS}
-        found[name] = Agent(None, None, [{"measured": {"errors": errors}}])
-    return found
+    return results

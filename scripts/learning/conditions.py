@@ -68,11 +68,7 @@ LOOKS = (  # of the rows of `LATE`
 def errors(rows: Rows, what: tuple[str, str], shown: Mapping[int, str], agents: Agents) -> str:
     """Tabulate the mean error of both laps under the shown conditions, and what a training costs.
 
-    Args:
-        rows: of the table.
-        what: heads of the group and of the agent.
-        shown: heads of the conditions, by their place in the data.
-        agents: the data.
+    `what` has the heads of group and agent, `shown` those of the conditions by their place in the data.
     """
     lines = []
     for group, own in rows.items():

@@ -167,10 +167,10 @@ def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path
     return {"batch": clock, "run": clock / len(cases)}
 
 
-def load_runs(folder: Path) -> dict[str, dict[str, Trajectory]]:
-    """All saved runs by column and case name."""
+def load_runs(folder: Path, pattern: str = "*") -> dict[str, dict[str, Trajectory]]:
+    """Load the saved runs whose names match a pattern, by column and case name."""
     runs: dict[str, dict[str, Trajectory]] = {}
-    for path in sorted(folder.glob("*.npz")):
+    for path in sorted(folder.glob(f"{pattern}.npz")):
         column, case = path.stem.split("__")
         runs.setdefault(column, {})[case] = Trajectory.load(path)
     order = [case.name for case in all_cases((*CONTROLLERS, "constant"))]

@@ -9,7 +9,6 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from flexarm_env import Trajectory
 from scripts.common.plotting import save
 from scripts.common.result_files import write_json
 from scripts.common.study import Trial, run_all
@@ -96,11 +95,13 @@ def _drawn(folder: Path, name: str) -> Figure:
         return figures.fuzzy_sets()
     if name in figures.PATH_FIGURES:
         controller, place, zoom, title = figures.PATH_FIGURES[name]
-        return figures.paths(_paper_runs(folder, f"{controller}_*_{place}"), controller, place, zoom, title)
+        runs = load_runs(folder / "runs", f"paper__{controller}_*_{place}")["paper"]
+        return figures.paths(runs, controller, place, zoom, title)
     summary = json.loads((folder / "summary.json").read_text())
     if name.startswith("time_"):
         case = name.removeprefix("time_")
-        return figures.time_histories(_paper_runs(folder, case)[case], summary["study"]["lap_time"])
+        run = load_runs(folder / "runs", f"paper__{case}")["paper"][case]
+        return figures.time_histories(run, summary["study"]["lap_time"])
     if name == "rigid_and_true_tip":
         return figures.rigid_and_true(load_runs(folder / "runs"))
     rows = json.loads((folder / "sweeps.json").read_text())
@@ -114,9 +115,3 @@ def _drawn(folder: Path, name: str) -> Figure:
         if (case := f"{controller}_nmp_{place}") in paper
     ]
     return sweep_figures.sweep_lines(rows, sweep, tables.SWEEP_LABELS[sweep], levels)
-
-
-def _paper_runs(folder: Path, pattern: str) -> dict[str, Trajectory]:
-    """Return runs of the paper's column, by case."""
-    files = (folder / "runs").glob(f"paper__{pattern}.npz")
-    return {path.stem.split("__")[1]: Trajectory.load(path) for path in sorted(files)}
