@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -34,13 +34,8 @@ DRAWN_SETS = 50
 FILE = Path(__file__).with_suffix(".json")
 Runs = Iterator[tuple[str, Callable[[], str]]]  # names, and what computes the hash
 Part = Literal["ids", "modes", "options", "paper", "policies", "training"]
-_SHORT = ("--steps", "6144", "--envs", "8", "--hidden", "16", "--checkpoint-every", "2048")
-TRAININGS = {
-    "ppo": (*_SHORT, "--batch", "64"),
-    "recurrent_ppo": (*_SHORT, "--batch", "64"),
-    "sac": (*_SHORT, "--batch", "32"),
-    "tqc": (*_SHORT, "--batch", "32"),
-}
+SHORT = ("--steps", "6144", "--envs", "8", "--hidden", "16", "--checkpoint-every", "2048")  # of a training
+BATCHES = {"ppo": 64, "recurrent_ppo": 64, "sac": 32, "tqc": 32}  # by the algorithm
 CLOCKED = tuple(name for name, mode in MODES.items() if not mode.races)
 # Values of options; a set draws five of the options and one value of each.
 OPTIONS: dict[str, tuple[Any, ...]] = {
@@ -211,16 +206,16 @@ def laps(name: str) -> str:
 
 def training() -> Runs:
     """Last policies of short trainings that were stopped by a signal and resumed."""
-    for algorithm, settings in TRAININGS.items():
-        yield algorithm, partial(resumed, algorithm, settings)
+    for algorithm, batch in BATCHES.items():
+        yield algorithm, partial(resumed, algorithm, batch)
 
 
-def resumed(algorithm: str, settings: Sequence[str]) -> str:
+def resumed(algorithm: str, batch: int) -> str:
     """Train, stop at the first checkpoint, resume to the end; hash the last policy's arrays."""
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work) / "run"
         command = [sys.executable, "-c", "from flexarm_agents.commands import main; main()"]
-        command += ["train", "--algorithm", algorithm, *settings]
+        command += ["train", "--algorithm", algorithm, *SHORT, "--batch", str(batch)]
         command += ["--folder", str(folder), "--seed", "5"]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL) as first:
             while first.poll() is None and not (folder / "checkpoint.zip").exists():

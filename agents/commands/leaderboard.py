@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, DRAWN, PART, measurable, phases
@@ -62,17 +62,12 @@ def parser() -> Reader:
     return reader
 
 
-class Measured(NamedTuple):
-    """What a run has measured."""
+def measured(given: argparse.Namespace) -> tuple[list[Entry], dict[str, Any], dict[str, Any], list[Failure]]:
+    """Measure what is chosen; write its figures, and tables in which it stands among all entries.
 
-    entries: list[Entry]  # that were chosen
-    results: dict[str, Any]  # a board of those that are whole
-    board: dict[str, Any]  # the same, with the published figures of all other entries where some were named
-    failed: list[Failure]
-
-
-def measured(given: argparse.Namespace) -> Measured:
-    """Measure what is chosen; write its figures, and tables in which it stands among all entries."""
+    Return the chosen entries, a board of those that are whole, the same with the published figures of all other entries
+    where some were named, and the failures.
+    """
     entries = chosen_entries(given.entries, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:
@@ -84,7 +79,7 @@ def measured(given: argparse.Namespace) -> Measured:
         results, failed = measure(entries, columns, store, where, lambda total: progress_bar(total, "cells"))
         board = beside(results, published() or results) if given.entries or given.add else results
         write(results, board, given.output)
-    return Measured(entries, results, board, failed)
+    return entries, results, board, failed
 
 
 def run(arguments: Sequence[str]) -> None:

@@ -122,7 +122,8 @@ PICTURES = {
 def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
     """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each."""
     wanted = PICTURES[name]
-    listed = controller(wanted.policy) if isinstance(wanted.policy, str) else None
+    policy: Any = wanted.policy
+    listed = controller(policy) if isinstance(policy, str) else None
     own = listed.options if listed else {}
     # without a limit, since the policies are poor
     made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None, **own)
@@ -130,7 +131,7 @@ def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
     assert isinstance(env, FlexArmEnv)
     stride = max(1, round(INTERVAL / env.settings.control_period))
     observation, _ = made.reset(seed=wanted.seed, options=wanted.reset)
-    predict = predictor(listed.make(made) if listed else partial(wanted.policy, env), deterministic=True)
+    predict = predictor(listed.make(made) if listed else partial(policy, env), deterministic=True)
     found, memory = [], None
     for step in range(1, wanted.steps + 1):
         action, memory = predict(observation, memory, np.array([step == 1]))

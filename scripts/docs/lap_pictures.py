@@ -9,7 +9,7 @@ from matplotlib import pyplot as plt
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, running_rms, write
-from scripts.docs.drawn_arm import recorded
+from scripts.docs.arm_pictures import recorded
 from scripts.docs.overview_pictures import label_dots
 from scripts.docs.replays import ENTRIES
 

@@ -12,8 +12,7 @@ from flexarm_baselines.lqg.race import race_plan
 from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.optimal.plan import PLANS
 from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, WIDTH, headline, label_ends, write, write_moving
-from scripts.docs.arm_pictures import LETTERS, PURPLE, image, marks
-from scripts.docs.drawn_arm import ARM, Lap, bare, draw_arm, draw_path, recorded
+from scripts.docs.arm_pictures import ARM, LETTERS, PURPLE, Lap, bare, draw_arm, draw_path, image, marks, recorded
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 
 SHOWN = (0.77, 0.89)  # of the lap [s]; the tip moves evenly there

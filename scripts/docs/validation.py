@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from scripts.common.command_line import read_options, run
-from scripts.common.markdown import DOCS, filled, quoting, table
+from scripts.common.markdown import DOCS, filled, quoting, span, table
 from scripts.common.result_files import write_json
-from scripts.docs.quoted import of_validation
 
 # Titles of the page's sections, by the modules and packages of tests/validation, in the order of the page.
 GROUPS = {
@@ -97,6 +96,33 @@ def tables_of(record: dict[str, Any]) -> dict[str, str]:
     return {name: text for group in record["groups"].values() for name, text in group["tables"].items()}
 
 
+def figures_of(record: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures that pages quote from a record: what the expressions before them may use.
+
+    Returns:
+        The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
+        `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`; `checks`: how many;
+        `planned`: distance from the chain under gentle feedback along the plan [mm].
+    """
+    quoted = {name: group["quoted"] for name, group in record["groups"].items()}
+    engine = quoted["engine"]
+
+    def engines(pattern: str, *parts: object) -> list[float]:
+        return [engine[pattern.format(part)] for part in parts]
+
+    def planned(lap: str, model: str, what: str = "rms") -> str:
+        return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, {what}']:.1f}"
+
+    return {
+        **quoted,
+        "engines": engines,
+        "orders": [check["figure"] for check in record["checks"] if "that furthest from 5" in check["name"]],
+        "planned": planned,
+        "checks": len(record["checks"]),
+        "span": span,
+    }
+
+
 def page_of(record: dict[str, Any]) -> str:
     """Return the page of all checks, and of the tables that only the record has."""
     parts = ["# The physics: all checks and tables\n\nWhich figure has each check, against which threshold, and why?\n"]
@@ -129,7 +155,7 @@ def main() -> None:
         found = renewed(json.loads((options.docs / RECORD).read_text()), found)
     if failed := [check["name"] for check in found["checks"] if not check["passed"]]:
         sys.exit(f"error: report = {options.report}: checks failed: {'; '.join(failed)}")
-    tables, figures = tables_of(found), of_validation(found)
+    tables, figures = tables_of(found), figures_of(found)
     for name in (*PAGES, *QUOTING_PAGES):
         page = options.docs / name
         page.write_text(quoting(filled(page.read_text(), tables), figures))

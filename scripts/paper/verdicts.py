@@ -7,7 +7,7 @@ import numpy as np
 
 from scripts.paper.cases import COLUMNS
 from scripts.paper.checks import Differences, Finding, Measures
-from scripts.paper.claims import CLAIMS, Claim
+from scripts.paper.claims import ANY, CLAIMS, Claim
 
 
 def verdict(claim: Claim, findings: dict[str, Finding]) -> tuple[str, str]:
@@ -34,7 +34,7 @@ def decide(
     for claim in CLAIMS:
         findings = {name: claim.find(table[name], differences[name], "flsac") for name in table}
         decided, condition = verdict(claim, findings)
-        gains = _constant_gains(claim, table, differences, sweep) if claim.fuzzy else {}
+        gains = _constant_gains(claim, table, differences, sweep) if ANY in claim.controllers else {}
         rows.append(
             {name: getattr(claim, name) for name in ("id", "quote", "measure")}
             | {

@@ -45,7 +45,7 @@ class Shipped(NamedTuple):
     text: str  # what it is, in tables
     config: RunConfig  # of its trainings, but for the seed
     seeds: int = 11  # how many trainings there are
-    drawn: bool = True  # the picture of learning curves shows it
+    drawn: bool = False  # the picture of learning curves shows it
 
     def jobs(self, folder: Path, seeds: int) -> list[Job]:
         """Return its trainings, with the seeds from 0 on."""
@@ -78,7 +78,7 @@ UNIVERSAL = DAggerConfig(
 )
 
 AGENTS: dict[str, Shipped] = {
-    "square": Shipped("PPO, shipped (`square`)", PPOConfig()),
+    "square": Shipped("PPO, shipped (`square`)", PPOConfig(), drawn=True),
     "filtered": Shipped(
         "PPO behind a Kalman filter (`filtered`)",
         PPOConfig(
@@ -89,24 +89,21 @@ AGENTS: dict[str, Shipped] = {
             evaluate_every=100_000,
             evaluation_laps=3,
         ),
-        drawn=False,
     ),
     "scheduler": Shipped(
-        "gain scheduler, PPO (`scheduler`)", PPOConfig(environment="FlexArm/SquareGain-v0", steps=500_000), drawn=False
+        "gain scheduler, PPO (`scheduler`)", PPOConfig(environment="FlexArm/SquareGain-v0", steps=500_000)
     ),
     "scheduler_paper": Shipped(
         "gain scheduler on the paper's plant, PPO (`scheduler_paper`)",
         PPOConfig(environment="FlexArm/SquareGain-v0", options=PAPER, steps=500_000),
-        drawn=False,
     ),
-    "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP)),
-    "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig()),
-    "student_unknown": Shipped("student, unknown arms (`student_unknown`)", UNKNOWN, seeds=7),
+    "student": Shipped("student, encoders and late tip (`student`)", DAggerConfig(options=LATE_TIP), drawn=True),
+    "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", DAggerConfig(), drawn=True),
+    "student_unknown": Shipped("student, unknown arms (`student_unknown`)", UNKNOWN, seeds=7, drawn=True),
     "student_unknown_stamped": Shipped(
         "student, unknown arms, time stamps (`student_unknown_stamped`)",
         replace(UNKNOWN, options=UNKNOWN.options | {"observation": [*LATE, "reading_age"]}),
         seeds=3,
-        drawn=False,
     ),
     "carry": Shipped(
         "student, unknown loads (`carry`)",
@@ -122,13 +119,11 @@ AGENTS: dict[str, Shipped] = {
             evaluation_laps=3,
         ),
         seeds=1,
-        drawn=False,
     ),
     "race": Shipped(
         "PPO, a race (`race`)",
         PPOConfig(environment="FlexArm/Race-v0", steps=10_000_000, evaluate_every=500_000),
         seeds=3,
-        drawn=False,
     ),
     "unknown": Shipped(
         "PPO, unknown arms (`unknown`)",
@@ -140,8 +135,6 @@ AGENTS: dict[str, Shipped] = {
             evaluate_every=500_000,
             evaluation_laps=6,
         ),
-        seeds=11,
-        drawn=False,
     ),
-    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=10, drawn=False),
+    "universal": Shipped("student of any path (`universal`)", UNIVERSAL, seeds=10),
 }

@@ -11,7 +11,7 @@ from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, compute, jobs_of
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Point, phases
-from flexarm_agents.board.entries import Entry
+from flexarm_agents.board.entries import SHARED, Entry
 from flexarm_agents.board.episodes import observation_map, run_points
 from flexarm_agents.board.terms import SEEDS, TASKS, interface_of
 from flexarm_agents.code_version import DATA, WITH_POLICIES, code_version
@@ -156,6 +156,29 @@ def test_seeds_follow_from_the_policy_and_from_what_is_random(monkeypatch: pytes
     assert seeds(Entry(AGENT), Point(0.0, few)) == seeds(Entry(AGENT), Point(0.0))  # one cell
     monkeypatch.setattr("flexarm_agents.board.terms.BOARD", 4)
     assert not {*mine} & {*seeds(Entry(AGENT), unknown)}
+
+
+def test_what_runs_every_entry_is_no_entrys_content(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So code of the simulator may change, as long as its bits stay, and no entry meets other arms."""
+    agent, law = Entry("square"), Entry("joint_pd")
+    real, changed = versions._source, set[str]()
+
+    def contents_with(*names: str) -> list[str]:
+        changed.update(names)
+        versions._version.cache_clear()
+        return [agent.content, law.content]
+
+    monkeypatch.setattr(
+        versions, "_source", lambda name: real(name)._replace(hash="") if name in changed else real(name)
+    )
+    before = contents_with()
+    assert contents_with("flexarm_env.parameters", "flexarm_agents.policies.network") == before
+    own_agent, own_law = contents_with("flexarm_baselines.task")
+    assert own_agent == before[0]
+    assert own_law != before[1]
+    filtered = "flexarm_agents.policies.safety_filter"
+    own = versions._closure((filtered,), frozenset(SHARED))
+    assert {filtered, "flexarm_baselines.lqg.adaptive"} <= own
 
 
 def test_a_version_of_code_is_that_of_every_python() -> None:

@@ -12,7 +12,7 @@ import pytest
 from flexarm_agents.board.tables import has_rank, on_square
 from flexarm_env.laps import LAPS
 from scripts.docs import replays
-from scripts.docs.drawn_arm import ARM, recorded
+from scripts.docs.arm_pictures import ARM, recorded
 from tests.docs.test_built_site import WIDGET_PAGES
 from tests.docs.test_replays import BOARD
 from tests.support.browser import Browser
@@ -184,12 +184,11 @@ def test_the_viewer_shows_the_errors_of_the_board(viewer: Browser, name: str, la
     viewer.run("document.querySelector(`#flexarm-replay input[value='${arguments[0]}']`).click()", lap)
     heading = "document.querySelector('.fx-figures thead th:nth-child(2)').textContent.replaceAll('\\u200b', '')"
     viewer.until(f"{heading} === {json.dumps(name)}")
-    (row,) = [row for row in BOARD["rows"] if row["name"] == name] or [None]
+    (row,) = [row for row in BOARD["rows"] if row["name"] == name]
     viewer.until("document.querySelector('.fx-hint + .fx-hint').textContent.includes(" + json.dumps(lap) + ")")
     shown = viewer.run("return document.querySelectorAll('.fx-figures tbody tr')[2].cells[1].textContent")
-    if row is not None:
-        error = row["columns"]["nominal"]["points"][0][lap]["rms"]["mean"]
-        assert float(shown) == pytest.approx(1000.0 * error, abs=0.051)
+    error = row["columns"]["nominal"]["points"][0][lap]["rms"]["mean"]
+    assert float(shown) == pytest.approx(1000.0 * error, abs=0.051)
 
 
 @pytest.mark.parametrize("lap", ["race", "carry"])

@@ -14,8 +14,7 @@ from flexarm_agents.board.summary import nominal_errors
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.markdown import DOCS, shown_blocks
 from scripts.docs import lap_pictures, motion_pictures, overview_pictures
-from scripts.docs.arm_pictures import COMPARED, LAP, still, terms
-from scripts.docs.drawn_arm import ARM, links, recorded, rigid
+from scripts.docs.arm_pictures import ARM, COMPARED, LAP, links, recorded, rigid, still, terms
 from scripts.docs.pictures import PICTURES
 from scripts.shipped import board
 from tests.support.boards import leaves

@@ -18,7 +18,7 @@ from flexarm_agents.board.summary import nominal_errors
 from flexarm_agents.board.tables import has_rank, on_square
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
-from scripts.docs.drawn_arm import ARM, recorded
+from scripts.docs.arm_pictures import ARM, recorded
 from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_folds, with_widgets
 
 BOARD = json.loads(PUBLISHED.read_text())
@@ -53,7 +53,7 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
     assert {channel: count for channel, count, _ in one["channels"]} == dict.fromkeys(replays.STEPS, 2) | {"modal": 6}
     assert {channel: step for channel, _, step in one["channels"]} == replays.STEPS
     distance = recorded(name, lap).away
-    (row,) = [row for row in BOARD["rows"] if row["name"] == name] or [None]
+    (row,) = [row for row in BOARD["rows"] if row["name"] == name]
     if lap == "race":
         ((point,),) = [point.values() for point in row["columns"]["race"]["points"][:1]]
         assert one["ended"] == "finished"
@@ -63,13 +63,13 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
         assert one["ended"] == "truncated"
         assert one["interval"] * (one["instants"] - 1) == pytest.approx(24.0)
         assert distance.max() < 0.7
-    elif row is not None:
+    else:
         errors = nominal_errors(row)[lap]
-        if errors is not None:
-            assert one["ended"] == "truncated"
-            settled = np.arange(len(distance)) * one["interval"] >= 2.0
-            assert np.sqrt(np.mean(distance**2)) == pytest.approx(errors["rms"], abs=5e-6)
-            assert np.sqrt(np.mean(distance[settled] ** 2)) == pytest.approx(errors["rms_after_2s"], abs=5e-6)
+        assert errors is not None
+        assert one["ended"] == "truncated"
+        settled = np.arange(len(distance)) * one["interval"] >= 2.0
+        assert np.sqrt(np.mean(distance**2)) == pytest.approx(errors["rms"], abs=5e-6)
+        assert np.sqrt(np.mean(distance[settled] ** 2)) == pytest.approx(errors["rms_after_2s"], abs=5e-6)
 
 
 def of_today(name: str, lap: str, periods: int) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -11,7 +11,6 @@ import pytest
 
 from scripts.common.markdown import DOCS, quoting, shown_blocks, span
 from scripts.docs import validation
-from scripts.docs.quoted import of_validation
 from scripts.docs.validation import PAGES, QUOTING_PAGES
 from tests.support.programs import ROOT, run_here
 
@@ -65,7 +64,7 @@ def test_a_page_quotes_the_record(name: str) -> None:
     """`make docs` brings it up to date."""
     page = (DOCS / name).read_text()
     assert "<!--=" in page
-    assert page == quoting(page, of_validation(RECORD))
+    assert page == quoting(page, validation.figures_of(RECORD))
 
 
 def test_a_quoted_figure_is_written_anew() -> None:
