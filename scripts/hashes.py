@@ -198,10 +198,8 @@ def policies() -> Runs:
 def laps(name: str) -> str:
     """Hash the figures of a shipped policy on both laps."""
     trained = load_policy(name)
-    env = trained.make_env()
-    figures = evaluate(env, trained.policy).as_mapping()
-    env.close()
-    return hashed(figures)
+    with trained.make_env() as env:
+        return hashed(evaluate(env, trained.policy).as_mapping())
 
 
 def training() -> Runs:

@@ -97,9 +97,8 @@ def batch_for(config: RewardConfig, env: FlexArmVectorEnv) -> VecEnv:
     """
     plain = FlexArmVecEnv(env)
     if config.curriculum_options:
-        judged = make_one(config.environment, config.options | _observed(config))
-        plain.observation_space = judged.observation_space
-        judged.close()
+        with make_one(config.environment, config.options | _observed(config)) as judged:
+            plain.observation_space = judged.observation_space
     if not isinstance(config, PPOConfig):
         return plain
     if config.observer != "none":

@@ -61,10 +61,9 @@ class Viewer:
         self._pygame = import_pygame()
         self.live, self.chosen = live, 0
         self.window = Window(self._pygame, SIZE, steps=False)
-        longest = live.longest
         rows = [
             ("delay", "delay of the sensor", "ms", 1e3, 0.0, MOST_DELAY, 1e-3, BLUE),
-            ("place", "sensor, from the elbow", "m", 1.0, LEAST_PLACE, longest, 0.1, ORANGE),
+            ("place", "sensor, from the elbow", "m", 1.0, LEAST_PLACE, live.longest, 0.1, ORANGE),
             ("gain", "gain λ of the law", "", 1.0, 0.0, MOST_GAIN, 0.05, PURPLE),
         ]
         self.sliders = [Slider(*row, FIRST + n * APART) for n, row in enumerate(rows)]

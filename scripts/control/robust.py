@@ -133,10 +133,8 @@ def decays(controller: LQG, sample: list[Loop]) -> Floats:
 
 def nominal_task() -> Task:
     """Return the task of the main id, as `LQG` reads it."""
-    env = gymnasium.make(ENVIRONMENT, **LQG.options())
-    task = Task.of(env)
-    env.close()
-    return task
+    with gymnasium.make(ENVIRONMENT, **LQG.options()) as env:
+        return Task.of(env)
 
 
 def searched() -> dict[str, Any]:

@@ -30,12 +30,10 @@ def executed(path: Path, folder: Path) -> Any:
 
 def main() -> None:
     """Command line."""
-    with needs_extra("notebooks", "test"):
-        nbformat = import_module("nbformat")
     for path in sorted(FOLDER.glob("*.ipynb")):
         with tempfile.TemporaryDirectory() as folder:
             found = executed(path, Path(folder))
-        put(path, lambda aside, found=found: nbformat.write(found, aside))  # type: ignore[misc]
+        put(path, lambda aside, found=found: import_module("nbformat").write(found, aside))  # type: ignore[misc]
         print(f"{path}: written")
 
 

@@ -190,9 +190,8 @@ def text_of(row: str) -> str:
 def record(row: Entry, kind: Kind) -> tuple[Candidate, Trajectory]:
     """Run a lap of an entry on the nominal arm."""
     candidate = row.candidate(kind.task, fresh=True)
-    lap = run_policy(candidate.env, candidate.policy, seed=0, options=dict(kind.start))
-    candidate.env.close()
-    return candidate, lap
+    with candidate.env as env:
+        return candidate, run_policy(env, candidate.policy, seed=0, options=dict(kind.start))
 
 
 def write(folder: Path) -> None:

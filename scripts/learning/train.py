@@ -80,9 +80,8 @@ def errors_by_delay(policy: Any, config: RunConfig) -> dict[str, list[float | No
     scores: list[StandardScore] = []
     for delay in DELAYS:
         constant = {"randomisation": {"delay": (1e-3 * delay, 1e-3 * delay)}}
-        env = make_one(config.environment, config.options | constant)
-        scores.append(evaluate(env, policy, EVALUATION_SEED))
-        env.close()
+        with make_one(config.environment, config.options | constant) as env:
+            scores.append(evaluate(env, policy, EVALUATION_SEED))
     return {lap: [getattr(score, lap).rms for score in scores] for lap in LAPS}
 
 

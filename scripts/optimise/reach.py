@@ -24,10 +24,9 @@ ITERATIONS = 100
 
 def problem_of(seed: int) -> TrackingProblem:
     """Return the problem of the episode that a seed draws."""
-    env = gymnasium.make("FlexArm/Reach-v0", error_limit=None)
-    # an arm at rest without torques stays; the reference is recorded
-    run = run_policy(env, lambda observation: (0.0, 0.0), seed=seed)
-    env.close()
+    with gymnasium.make("FlexArm/Reach-v0", error_limit=None) as env:
+        # an arm at rest without torques stays; the reference is recorded
+        run = run_policy(env, lambda observation: (0.0, 0.0), seed=seed)
     assert run.reference is not None
     return TrackingProblem(FlexibleArm(run.parameters), run.state[0], run.reference, **OPTIONS)
 

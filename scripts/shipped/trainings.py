@@ -29,9 +29,8 @@ def export(
     chosen = median(trainings)
     put(policies / f"{name}.npz", lambda aside: shutil.copyfile(RunFolder(chosen.folder).best, aside))
     policy = load_policy(policies / f"{name}.npz")
-    env = policy.make_env()
-    blocks = env.get_wrapper_attr("observation_blocks")
-    env.close()
+    with policy.make_env() as env:
+        blocks = env.get_wrapper_attr("observation_blocks")
     card = {
         "command": command,
         **policy.notes,
