@@ -199,7 +199,8 @@ def laps(name: str) -> str:
     """Hash the figures of a shipped policy on both laps."""
     trained = load_policy(name)
     with trained.make_env() as env:
-        return hashed(evaluate(env, trained.policy).as_mapping())
+        figures = evaluate(env, trained.policy).as_mapping()
+    return hashed(figures)
 
 
 def training() -> Runs:

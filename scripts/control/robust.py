@@ -134,7 +134,8 @@ def decays(controller: LQG, sample: list[Loop]) -> Floats:
 def nominal_task() -> Task:
     """Return the task of the main id, as `LQG` reads it."""
     with gymnasium.make(ENVIRONMENT, **LQG.options()) as env:
-        return Task.of(env)
+        task = Task.of(env)
+    return task
 
 
 def searched() -> dict[str, Any]:

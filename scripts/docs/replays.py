@@ -191,7 +191,8 @@ def record(row: Entry, kind: Kind) -> tuple[Candidate, Trajectory]:
     """Run a lap of an entry on the nominal arm."""
     candidate = row.candidate(kind.task, fresh=True)
     with candidate.env as env:
-        return candidate, run_policy(env, candidate.policy, seed=0, options=dict(kind.start))
+        lap = run_policy(env, candidate.policy, seed=0, options=dict(kind.start))
+    return candidate, lap
 
 
 def write(folder: Path) -> None:
