@@ -78,11 +78,12 @@ def main() -> None:
             choice(name, one, these)
     for name in ("trial", "finalists", "iterations"):
         integer(name, getattr(options, name), 1)
+    every = itertools.product(options.arms, options.paths, options.laps)
+    planned = [one for one in every if one[1] in PATHS_OF.get(one[0], PLANNED)]
+    if options.paths and not planned and not {reach.PATH, corner.PATH} & {*options.paths}:
+        raise ValueError(f"paths = {', '.join(options.paths)}: none is planned on arms = {', '.join(options.arms)}")
     options.output.mkdir(parents=True, exist_ok=True)
-    files = []
-    for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
-        if path in PATHS_OF.get(arm, PLANNED):
-            files += _optimise(arm, path, lap, options)
+    files = [file for one in planned for file in _optimise(*one, options)]
     if reach.PATH in options.paths:
         files.append(DRAWN)
         write_json(options.output / DRAWN, [reach.best(seed, options.output / reach.PATH) for seed in reach.SEEDS])

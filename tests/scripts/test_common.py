@@ -68,6 +68,7 @@ CASES = [
     ("optimise", "--arms none", "arms = 'none': must be one of"),
     ("optimise", "--laps round", "laps = 'round': must be one of"),
     ("optimise", "--paths spiral", "paths = 'spiral': must be one of"),
+    ("optimise", "--arms linear --paths circle", "paths = circle: none is planned on arms = linear"),
     ("optimise", "--finalists 0", "finalists = 0: must be an integer >= 1"),
     ("paper", "--K-s -1", "K_s = -1"),
     ("paper", "--lap-time 0", "lap_time = 0"),
