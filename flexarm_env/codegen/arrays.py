@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 Arena = NDArray[np.float64]  # all that is known of a block's environments (`layout.Row`). Shape (rows, lanes)
 LaneRows = NDArray[np.float64]  # some rows of lanes. Shape (n, lanes)
 History = NDArray[np.float64]  # readings at past steps (`delay_line`). Shape (slots * slot_rows, lanes)
-Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows * lanes)
-LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n * lanes)
 
 LaneRow = NDArray[np.float64]  # one number of each lane. Shape (lanes,)
 Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow`). Shape (5, lanes)

@@ -144,8 +144,8 @@ class Names:
         return _layout(cls.entries, shape)
 
     def shape(self) -> Any:
-        """Return what the layout depends on."""
-        return present_variant().shape
+        """Return what the layout depends on: the present variant."""
+        return present_variant()
 
     def first(self, name: str) -> int:
         """Return the first place of a part.

@@ -26,7 +26,7 @@ from flexarm_env.envs.kernel_inputs import (
     tail_rows,
     usual_requests,
 )
-from flexarm_env.envs.observation import common_layout, shape_of
+from flexarm_env.envs.observation import common_layout, variant_of
 from flexarm_env.envs.own_paths import moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
@@ -34,10 +34,10 @@ from flexarm_env.envs.states import States, Views, Words
 from flexarm_env.episode.observe import failures
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, segment, word
 from flexarm_env.kernels.layout import sizes_between
-from flexarm_env.kernels.variants import Variant, shared_model
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS
-from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
+from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch
 from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
@@ -95,13 +95,14 @@ class BatchSimulator(LaneBatch):
         program = self._program_of(settings)
         self.layout = common_layout(kinds, program)
         lanes = block_lanes(count, threads)
-        variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
+        variant = variant_of(settings, program, lanes, any(one.disturbed for one in kinds))
         _check_room(count, variant, kinds)
         self.each = each if len(each) == count else each * count
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])
         self.draws = Draws(kinds, kind_of, column.STATE + 2 * settings.flexible_arm.size)
-        super().__init__(self._lanes(variant, kinds, kind_of), threads)
+        slots, tail = max(one.history_slots for one in kinds), tail_rows(kinds, variant.hosted)
+        super().__init__(variant, count, self._arrays(variant, kinds, kind_of), slots, tail, threads)
         rows = [fixed_rows(one) for one in kinds]
         self._put_rows(rows, kind_of)
         self._fixed = frozenset(rows[0]) - self.draws.rows
@@ -112,21 +113,26 @@ class BatchSimulator(LaneBatch):
         self.everyone = np.ones(count, dtype=np.bool_)
         self.everyone.setflags(write=False)
 
-    def _lanes(self, variant: Variant, kinds: Sequence[Settings], kind_of: NDArray[np.int64]) -> Lanes:
-        """Describe the environments' lanes, with the arrays that only environments have."""
+    def _arrays(
+        self, variant: Variant, kinds: Sequence[Settings], kind_of: NDArray[np.int64]
+    ) -> dict[str, NDArray[Any]]:
+        """Return the arrays that decide what the environments' lanes do, and what they are given and give."""
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
         paths, names, first = path_tables(kinds, width)
         self._path_names, self.first_paths = np.array(names), np.array(first)[kind_of]
-        owns = np.array([lane_numbers(one, variant.program) for one in kinds])
+        owns = np.array([lane_numbers(one, variant) for one in kinds])
         if len(kinds) > 1 or self.draws.further:
             owns = owns[kind_of[np.minimum(np.arange(width), count - 1)]]
         requests = usual_requests(settings, self.first_paths, (width, self.draws.columns))
-        header, table = header_and_settings(kinds, variant.program, self.layout)
+        header, table = header_and_settings(kinds, variant, self.layout)
         header[word.PATH_NAMES] = len(names)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
         header[word.REQUEST_COLUMNS] = requests.shape[1]
-        arrays: dict[str, NDArray[Any]] = {
+        return {
+            "HEADER": header,
+            "SETTINGS": table,
+            "PATHS": paths,
             "KEYS": np.zeros(width, dtype=np.uint64),
             "ACTIVE": np.zeros(width, dtype=bool),
             "ACTIONS": np.zeros((width, len(settings.action_limit)), dtype=np.float32),
@@ -134,8 +140,6 @@ class BatchSimulator(LaneBatch):
             "LANE_SETTINGS": owns,
             "RESET_REQUESTS": requests,
         }
-        slots, tail = max(one.history_slots for one in kinds), tail_rows(kinds, variant.hosted)
-        return Lanes(variant, count, slots, header, table, paths, tail, arrays)
 
     def _link(self) -> None:
         super()._link()
@@ -190,7 +194,7 @@ class BatchSimulator(LaneBatch):
     def _put_constants(self, which: NDArray[np.int64]) -> None:
         """Give environments that begin an episode the constants that follow from what it draws."""
         for i in which.tolist():
-            rows, self._own_settings[i] = self.draws.constants(self._reset_requests[i], i, self._variant.program)
+            rows, self._own_settings[i] = self.draws.constants(self._reset_requests[i], i, self._variant)
             block, lane = divmod(i, self._arenas.shape[2])
             for name, values in rows.items():
                 self._lane_rows(name)[block, :, lane] = values
@@ -306,19 +310,6 @@ class BatchSimulator(LaneBatch):
     def _kept(self) -> dict[str, Any]:
         kept: dict[str, Any] = {"_usual": self._usual, "draws": self.draws}
         return kept | {"results": self.results} if self._ready else kept
-
-
-def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
-    return Variant(
-        **shape_of(settings, program)._asdict(),
-        complete=settings.flexible_arm.parameters.velocity_forces == "complete",
-        lanes=lanes,
-        sensor=shared_model(settings.sensor),
-        rate_jacobian=settings.rate_jacobian,
-        law_on_sensor=settings.feedback_source == "sensor",
-        own_paths=settings.reference == ("moves",),
-        disturbed=disturbed,
-    )
 
 
 def _check_room(count: int, variant: Variant, kinds: Sequence[Settings]) -> None:

@@ -15,7 +15,6 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import STRIDE, mixed_bits
 from flexarm_env.envs.corners import ends, further_draws
 from flexarm_env.envs.distributions import ends_of, quantiles
@@ -25,6 +24,7 @@ from flexarm_env.envs.own_paths import OF_EACH, first_rows
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reset import PLACE_DRAWN, draw_path
 from flexarm_env.kernels.entries import DRAWN, column
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics.constants import changes_of_like
 from flexarm_env.validation import shown
@@ -152,7 +152,7 @@ class Draws:
         """Return what an environment's request has for options and parameters of the arm, without None."""
         return {name: x[0].tolist() for name, x in self.values(request[None]).items() if not np.isnan(x).any()}
 
-    def constants(self, request: Array, index: int, program: Program) -> tuple[dict[str, Any], Array]:
+    def constants(self, request: Array, index: int, variant: Variant) -> tuple[dict[str, Any], Array]:
         """Return the rows that follow from an environment's request, and its own settings (`entries.LaneSetting`)."""
         settings = self._kinds[self._kind_of[index]]
         drawn = self._numbers(request)
@@ -160,4 +160,4 @@ class Draws:
         arm, options = settings.flexible_arm, settings.having(drawn)
         changes = changes_of_like(replace(arm.parameters, **of_arm), arm.changes) if of_arm else arm.changes
         rows = fixed_rows(options)
-        return {name: rows[name] for name in self.rows}, lane_numbers(options, program, changes)
+        return {name: rows[name] for name in self.rows}, lane_numbers(options, variant, changes)

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_POINTS, STARTS, move_ring
 from flexarm_env.envs.corners import ends
-from flexarm_env.envs.observation import ObservationLayout, shape_of
+from flexarm_env.envs.observation import ObservationLayout
 from flexarm_env.envs.own_paths import first_rows
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, column, in_order, word
-from flexarm_env.kernels.layout import Row, place_rows
+from flexarm_env.kernels.layout import place_rows
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.constants import ConstantChanges
 from flexarm_env.physics.motors import response
@@ -33,14 +35,6 @@ BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
 COMPENSATIONS: tuple[Compensation, ...] = ("none", "shared", "per_joint")  # by their numbers in the arena
 START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}
 DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
-
-
-def kept_readings(kinds: Sequence[Settings]) -> int:
-    """Return, as bits, the integration steps after which a reading is kept for any of the lanes (`_readings_of`)."""
-    bits = 0
-    for settings in kinds:
-        bits |= _readings_of(settings)
-    return bits
 
 
 def _readings_of(settings: Settings) -> int:
@@ -107,40 +101,41 @@ def usual_requests(settings: Settings, first_paths: NDArray[np.int64], shape: tu
     return usual
 
 
-def kept_actions(kinds: Sequence[Settings]) -> int:
-    """Return the number of actions to keep for each lane: the largest that any lane needs."""
-    return max(one.kept_actions for one in kinds)
-
-
 def header_and_settings(
-    kinds: Sequence[Settings], program: Program, observed: ObservationLayout
+    kinds: Sequence[Settings], variant: Variant, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
     """Make the header and the settings of the kernels; `LaneBatch` adds the places of the arrays.
 
     Args:
         kinds: distinct settings of the environments.
-        program: program of the kernels.
+        variant: of the kernels.
         observed: layout of the observations.
 
     Returns:
         The header (`entries.Header`) with the rows of the observation; the settings (`entries.Setting`) with the
         horizons and the factors of the observation.
     """
-    settings = kinds[0]
-    horizons = settings.previews if _previews(settings) else ()
-    kept = kept_actions(kinds)
+    s = kinds[0]
+    horizons = s.previews if "previews" in s.observation else ()
+    kept, channels = max(one.kept_actions for one in kinds), len(s.action_limit)
     whole = {
+        "SUBSTEPS": s.substeps,
+        "CHANNELS": channels,
         "KEPT_ACTIONS": kept,
-        "COMMANDS": 2 * _previews(settings) + settings.mode.accumulates * kept * len(settings.action_limit),
-        "KEPT_READINGS": kept_readings(kinds),
-        **_whole_numbers(settings),
+        "PREVIEWS": len(horizons),
+        "COMMANDS": 2 * len(horizons) + s.mode.accumulates * kept * channels,
+        "OBSERVED": len(observed.rows),
+        "SHIFTING": int(s.mode.shifts),
+        "KEPT_READINGS": reduce(or_, map(_readings_of, kinds)),  # for any of the lanes
+        "DRIVING": 1,
     }
     header = np.zeros(word.PLACES + len(observed.rows), dtype=np.int64)
     for name, value in whole.items():
         header[getattr(word, name)] = value
-    header[word.OBSERVED] = len(observed.rows)
-    header[word.PLACES :] = _observed_rows(settings, program, observed)
-    return header, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
+    # without the block of previews, the tail begins with the actions
+    in_tail = observed.rows >= variant.rows["TAIL"][0]
+    header[word.PLACES :] = observed.rows - in_tail * 2 * (len(s.previews) - len(horizons))
+    return header, np.concatenate([_numbers(s, variant), horizons, 1.0 / observed.scale])
 
 
 def tail_rows(kinds: Sequence[Settings], hosted: bool) -> int:
@@ -150,26 +145,11 @@ def tail_rows(kinds: Sequence[Settings], hosted: bool) -> int:
     """
     settings = kinds[0]
     channels = len(settings.action_limit)
-    kept = kept_actions(kinds) * channels
+    kept = max(one.kept_actions for one in kinds) * channels
     return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates) + hosted * settings.substeps * channels
 
 
-def _previews(settings: Settings) -> int:
-    return len(settings.previews) if "previews" in settings.observation else 0
-
-
-def _whole_numbers(settings: Settings) -> dict[str, int]:
-    s = settings
-    return {
-        "SUBSTEPS": s.substeps,
-        "CHANNELS": len(s.action_limit),
-        "PREVIEWS": _previews(s),
-        "SHIFTING": int(s.mode.shifts),
-        "DRIVING": 1,
-    }
-
-
-def _numbers(settings: Settings, program: Program) -> Array:
+def _numbers(settings: Settings, variant: Variant) -> Array:
     s = settings
     arm = s.flexible_arm
     p = arm.parameters
@@ -185,23 +165,22 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "MOVES": move_ring(p),
         "CHANGE_PHASES": [phase for phase, _ in s.payload_changes or ()],
         "CHANGE_MASSES": [NAN if mass is None else mass for _, mass in s.payload_changes or ()],
-        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in list(TERMS)[: program.reward_terms]],
+        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in list(TERMS)[: variant.reward_terms]],
     }
-    *places, (last, _) = Setting.layout(shape_of(s, program)).items()
+    *places, (last, _) = Setting.layout(variant).items()
     assert last == "HORIZONS"
     return in_order(dict(places), values)
 
 
-def lane_numbers(settings: Settings, program: Program, changes: ConstantChanges | None = None) -> Array:
+def lane_numbers(settings: Settings, variant: Variant, changes: ConstantChanges | None = None) -> Array:
     """Return the settings of a lane, in the order of `entries.LaneSetting`.
 
     Args:
         settings: of its environment.
-        program: of the kernels.
+        variant: of the kernels.
         changes: constants of the arm of the present episode; None: the settings' arm.
     """
     s, changes = settings, changes or settings.flexible_arm.changes
-    shape = shape_of(s, program)
     parts = {"ARM": changes.base, "PER_PAYLOAD": changes.payload_mass, "PER_DAMPING": changes.damping}
     values: dict[str, Any] = {
         "BRANCH": [BRANCH_CODES[s.elbow_branch]],
@@ -209,9 +188,9 @@ def lane_numbers(settings: Settings, program: Program, changes: ConstantChanges 
         "SENSOR_DELAYS": s.sensor_delays,
         "BASE": _base(s),
         # those of dry friction come last: 0 where only other episodes have some
-        **{name: np.pad(part, (0, shape.constants - len(part))) for name, part in parts.items()},
+        **{name: np.pad(part, (0, variant.constants - len(part))) for name, part in parts.items()},
     }
-    return in_order(LaneSetting.layout(shape), values)
+    return in_order(LaneSetting.layout(variant), values)
 
 
 def _base(settings: Settings) -> list[float]:
@@ -219,14 +198,6 @@ def _base(settings: Settings) -> list[float]:
     if not isinstance(settings.delay, float):
         base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
     return [base[name] for name in DRAWN]
-
-
-def _observed_rows(settings: Settings, program: Program, observed: ObservationLayout) -> NDArray[np.int64]:
-    """Return the rows of the observation; without the block of previews, the tail begins with the actions."""
-    tail, _ = Row.layout(shape_of(settings, program))["TAIL"]
-    if "previews" in settings.observation:
-        return observed.rows
-    return np.where(observed.rows >= tail, observed.rows - 2 * len(settings.previews), observed.rows)
 
 
 def _further_rows(settings: Settings) -> dict[str, Any]:

@@ -15,8 +15,7 @@ from flexarm_env.envs.choices import REACH
 from flexarm_env.envs.corners import worst
 from flexarm_env.envs.sensors import LINK_2
 from flexarm_env.envs.settings import Settings
-from flexarm_env.kernels.entries import Shape
-from flexarm_env.kernels.layout import Row
+from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float64]
@@ -42,16 +41,27 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
     return tuple(name for name in INFORMATION if name in found)
 
 
-def sensors_of(settings: Settings) -> tuple[tuple[str, int], ...]:
-    """Return quantity and link of each further sensor, for which kernels are compiled."""
-    return tuple((one.sensor.quantity, one.link) for one in settings.further_sensors)
-
-
-def shape_of(settings: Settings, program: Program) -> Shape:
-    """Return the shape on which the tables of an environment's kernels depend."""
-    k, modes = settings.flexible_arm.constants, settings.flexible_arm.parameters.modes_per_link
-    has = (sensors_of(settings), settings.dry_joints, settings.real_motors, len(settings.payload_changes or ()))
-    return Shape(program, modes, k.foreshortened, *has, settings.pulsed, settings.drifting)
+def variant_of(settings: Settings, program: Program, lanes: int = 1, disturbed: bool = False) -> Variant:
+    """Return the variant of the kernels that step an environment; see `Variant`."""
+    arm = settings.flexible_arm
+    return Variant(
+        program,
+        modes=arm.parameters.modes_per_link,
+        complete=arm.parameters.velocity_forces == "complete",
+        lanes=lanes,
+        sensor=shared_model(settings.sensor),
+        rate_jacobian=settings.rate_jacobian,
+        law_on_sensor=settings.feedback_source == "sensor",
+        own_paths=settings.reference == ("moves",),
+        foreshortened=arm.constants.foreshortened,
+        disturbed=disturbed,
+        sensors=tuple((one.sensor.quantity, one.link) for one in settings.further_sensors),
+        dry=settings.dry_joints,
+        motors=settings.real_motors,
+        payloads=len(settings.payload_changes or ()),
+        pulses=settings.pulsed,
+        drifting=settings.drifting,
+    )
 
 
 class ObservationLayout(NamedTuple):
@@ -103,7 +113,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     Raises:
         ValueError: for an unknown block, or one that the action mode does not have.
     """
-    places = Row.layout(shape_of(settings, program))
+    places = variant_of(settings, program).rows
     reach = reach_of(settings)
     blocks: dict[str, slice] = {}
     rows: list[int] = []

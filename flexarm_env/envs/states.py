@@ -107,7 +107,7 @@ class States:
             *(sorted(fixed), self.size),  # a set has another order in another process
             *((name, int(header[getattr(word, name)])) for name in _MEANING),
             *(header[word.PLACES :].tobytes(), views.paths.shape[1:], paths, views.histories.shape[1:3]),
-            *(float(views.settings[Setting.layout(variant.shape)[name][0]]) for name in ("STEP", "PERIOD")),
+            *(float(views.settings[Setting.layout(variant)[name][0]]) for name in ("STEP", "PERIOD")),
         )
         kinds = {id(one): one for one in each}
         stamps = {name: _stamp((meaning, _own_meaning(one, fixed))) for name, one in kinds.items()}

@@ -14,7 +14,7 @@ from flexarm_env.allowed import Number, Pair
 from flexarm_env.identification.recording import CHANNELS, Recording, played_torques
 from flexarm_env.parameters import MAX_DELAY, ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.held_torque import step_each
+from flexarm_env.simulation.feedback import step_each
 from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import finite_array, instance, number
 

@@ -4,80 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.declarations import Entry, FixedNames, Names, Program, in_a_row
-from flexarm_env.physics import linear_algebra
+from flexarm_env.codegen.declarations import Entry, FixedNames, Names, in_a_row
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 
 STATE_UNIT = "rad, 1, rad/s, 1/s"
 CONSTANTS_UNIT = "as in `Constants`"
-FURTHER_SENSORS = frozenset({"further sensors"})  # group of the parts that sensors beside that on link 2 need
 _ENVIRONMENT = ("environment",)
 
 
-class Shape(NamedTuple):
-    """What the layouts depend on.
-
-    Attributes:
-        program: program of the kernels.
-        modes: per link.
-        foreshortened: kinematics (`bent_link`).
-        sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
-        dry: joints have dry friction.
-        motors: torques pass through motors that are not ideal (`motors`).
-        payloads: how many changes of the payload a lap has (`episode.payload`).
-        pulses: forces act at the tip.
-        drifting: strain gauges drift.
-    """
-
-    program: Program
-    modes: int
-    foreshortened: bool
-    sensors: tuple[tuple[str, int], ...] = ()
-    dry: bool = False
-    motors: bool = False
-    payloads: int = 0
-    pulses: bool = False
-    drifting: bool = False
-
-    @property
-    def groups(self) -> frozenset[str]:
-        """Groups whose parts the tables have (`layout`)."""
-        groups = self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
-        return groups | {name for name in ("motors", "payloads", "pulses", "drifting") if getattr(self, name)}
-
-    @property
-    def size(self) -> int:
-        """Number of internal coordinates."""
-        return 2 * self.modes + 2
-
-    @property
-    def further_points(self) -> int:
-        """How many further sensors read positions; they come first."""
-        return sum(name == POSITION for name, _ in self.sensors)
-
-    @property
-    def further_readings(self) -> int:
-        """How many numbers the further sensors read."""
-        return sum(QUANTITIES_AT_A_POINT[name].size for name, _ in self.sensors)
-
-    @property
-    def constants(self) -> int:
-        """How many numbers the constants of an arm are."""
-        return linear_algebra.extent(Constants.sizes(self.modes, self.foreshortened, self.dry))
-
-    @property
-    def pairs(self) -> int:
-        """How many numbers the foreshortening at a point is."""
-        return self.foreshortened * self.modes * (self.modes + 1) // 2
-
-
-_constants, _payloads = attrgetter("constants"), attrgetter("payloads")
+_constants, _payloads = attrgetter("constants"), attrgetter("payloads")  # of a `Variant`
 _PAYLOADS = ("payloads",)
 
 
@@ -143,9 +83,9 @@ class Constant(Names):
     """Some of the arm's constants, by their places among all of them (`Constants`)."""
 
     @classmethod
-    def layout(cls, shape: Shape) -> dict[str, tuple[int, int]]:
+    def layout(cls, variant: Any) -> dict[str, tuple[int, int]]:
         """Return where each field of `Constants` lies."""
-        sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened, shape.dry), strict=True)
+        sizes = zip(Constants._fields, Constants.sizes(variant.modes, variant.foreshortened, variant.dry), strict=True)
         return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
 
     ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "m")

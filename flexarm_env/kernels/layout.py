@@ -12,7 +12,7 @@ which rows its arenas have:
 - "motors": its torques pass through motors that are not ideal (`motors`),
 - "pulses": forces act at the tip (`disturbances`),
 - "drifting": strain gauges drift (`disturbances`),
-- "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
+- "further sensors": the environment has sensors beside the one on link 2 (`Variant.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
 - "adjoint": a gradient is carried back (`step_gradients`),
 - "outputs": readings and tips with their Jacobians (`output_jacobians`).
@@ -22,10 +22,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
+from typing import Any
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, DRAWN_COUNT, FURTHER_SENSORS, SEGMENT_ROWS, STATE_UNIT, Shape
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, DRAWN_COUNT, SEGMENT_ROWS, STATE_UNIT
 from flexarm_env.kernels.tableau import IMEX_STAGES, RK4_NODES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
@@ -67,17 +68,17 @@ def slope_sizes(modes: int) -> dict[str, int]:
     }
 
 
-def _law(field: str) -> Callable[[Shape], int]:
-    return lambda shape: Law.sizes(shape.modes, shape.foreshortened)[field]
+def _law(field: str) -> Callable[[Any], int]:
+    return lambda variant: Law.sizes(variant.modes, variant.foreshortened)[field]
 
 
-_size, _modes, _pairs, _readings = map(attrgetter, ("size", "modes", "pairs", "further_readings"))  # of a `Shape`
+_size, _modes, _pairs, _readings = map(attrgetter, ("size", "modes", "pairs", "further_readings"))  # of a `Variant`
 _MEASURED = ("environment", "outputs")
 _LAW = ("law",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _HOSTED = ("hosted",)
-_FURTHER = tuple(FURTHER_SENSORS)
+_FURTHER = ("further sensors",)
 _MOTORS = ("motors",)
 _PAYLOADS = ("payloads",)
 _PULSES = ("pulses",)
@@ -123,8 +124,8 @@ class Row(Names):
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
     COMMAND_SEGMENT = Entry("segment of the path for the commands (`entries.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW)
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, 1", _size, ("law", "tangents"))
-    V_STAGE = Entry("rates of the stage", "rad/s, 1/s", _size, ("law", "tangents"))
+    Y_STAGE = Entry("coordinates of the stage", "rad, 1", _size, _LAW)
+    V_STAGE = Entry("rates of the stage", "rad/s, 1/s", _size, _LAW)
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, 1/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, 1/s^2", _size, _LAW)
     TAU = Entry("torques of shoulder and elbow at the present step", "N m", 2)
@@ -138,8 +139,7 @@ class Row(Names):
         lambda s: len(ARM_QUANTITIES) * s.constants,
         _TANGENTS,
     )
-    FORCE_STAGE = Entry("FORCE of the stage", "N m", _size, _TANGENTS)
-    TOTAL = Entry("weighted sum of the rates of Y and P", "as of V and FORCE", lambda s: 2 * s.size, _TANGENTS)
+    STAGES = Entry("Y and V at a step's stages", STATE_UNIT, lambda s: len(RK4_NODES) * 2 * s.size, _TANGENTS)
     SLOPES = Entry(
         "derivatives of the stages (`slope_sizes`)",
         "per unit",

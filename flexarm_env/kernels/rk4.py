@@ -1,8 +1,7 @@
-"""Drivers of the torque-driven arm's kernel: the classical Runge-Kutta method over lanes, steps and blocks.
+"""Drivers of the torque-driven arm: the classical Runge-Kutta method over lanes, steps and control periods.
 
-Torques are held over each step, or by linear feedback over each control period.
-
-`imex` explains lanes, blocks and arenas.
+Torques are held over each period, or a function's, which gives them in Python at each stage. `imex` explains lanes,
+blocks and arenas.
 """
 
 from __future__ import annotations
@@ -10,51 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.arrays import Arena, Arenas, LaneRecords, LaneRows
+from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import momentum_kernel, slope_kernel, step_kernel
 from flexarm_env.kernels.states import ArmTable, load_arms, load_states, store_state
 from flexarm_env.kernels.variants import variant
-
-
-def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float, every: int) -> int:
-    """Drive all blocks by torques held over each step, and record states.
-
-    Args:
-        arenas: Shape (blocks, rows * lanes).
-        torques: [N m]. Shape (steps, blocks, 2 * lanes).
-        states: receives y and v after each `every` steps. Shape (steps // every, blocks, 2 * size * lanes).
-        h: step [s].
-        every: record after so many steps.
-
-    Returns:
-        How many steps were done: fewer than `steps` if a state stopped being finite.
-    """
-    for step in range(torques.shape[0]):
-        total = 0.0
-        for block in range(arenas.shape[0]):
-            arena: Arena = lane_rows(arenas[block], variant.lanes)
-            if step == 0:
-                momentum_kernel(arena)
-            held: LaneRows = lane_rows(torques[step, block], variant.lanes)
-            for r in range(2):
-                for i in range(variant.lanes):
-                    arena[row.TAU + r, i] = held[r, i]
-            step_kernel(arena, h)
-            for r in range(variant.size):
-                for i in range(variant.lanes):
-                    total += arena[row.Y + r, i] + arena[row.V + r, i]
-            if (step + 1) % every == 0:
-                state: LaneRows = lane_rows(states[step // every, block], variant.lanes)
-                for r in range(variant.size):
-                    for i in range(variant.lanes):
-                        state[r, i] = arena[row.Y + r, i]
-                        state[variant.size + r, i] = arena[row.V + r, i]
-        if total - total != 0.0:
-            return step
-    return torques.shape[0]
 
 
 def find_momenta(arena: Arena) -> None:
@@ -67,7 +28,7 @@ def find_slopes(arena: Arena) -> None:
     slope_kernel(lane_rows(arena, variant.lanes))
 
 
-OPEN = Program("open", entry_points=(run_open, find_momenta, find_slopes), description="an arm driven by torques")
+OPEN = Program("open", entry_points=(find_momenta, find_slopes), description="an arm driven by a function of its state")
 
 
 Sequences = NDArray[np.float64]  # numbers of each arm, or of all in one, period by period. Shape (arms or 1, n, ...)
@@ -169,5 +130,5 @@ FEEDBACK = Program(
     "feedback",
     entry_points=(run_feedback,),
     allocation_free=True,
-    description="an arm under linear feedback",
+    description="an arm driven by torques",
 )

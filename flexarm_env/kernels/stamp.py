@@ -41,7 +41,7 @@ def layout_stamp(variant: Variant, arrays: Mapping[str, NDArray[Any] | ArraySpec
         variant: variant of the kernels.
         arrays: that the kernels work on, by name.
     """
-    tables = [(table.__name__, list(table.layout(variant.shape).items())) for table in TABLES]
+    tables = [(table.__name__, list(table.layout(variant).items())) for table in TABLES]
     shapes = [(name, array.shape, array.dtype.str) for name, array in arrays.items()]
     return sha256(repr((variant.kind, tables, shapes)).encode()).hexdigest()[:16]
 

@@ -24,10 +24,10 @@ from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
-from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at
+from flexarm_env.kernels.recorded import momentum_kernel
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import ArmTable, States, internal_place, load_arms, load_rows, load_states
-from flexarm_env.kernels.step_jacobians import RK4_STAGES, stage_angles
+from flexarm_env.kernels.step_jacobians import RK4_STAGES, stage_angles, stages_kernel
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
@@ -43,23 +43,6 @@ def trail_rows(size: int, steps: int) -> int:
 
 
 # --- recorded ---------------------------------------------------------------------------------------------------------
-
-
-def stages_record(variant: Variant) -> Recorder:
-    """Record a step: coordinates and rates of its stages, and its end."""
-    r = Recorder(variant)
-    h, k, y, p = r.trace.number("h"), r.constants(), r.read("Y"), r.read("P")
-    stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
-    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
-        v = slopes[: len(y)]
-        r.store("stages", [*stage_y, *v], number * 2 * len(y))
-        rates = [*v, *driven(k, slopes[len(y) :], r.read("TAU"))]
-        total = plus_scaled(total, weight, rates)
-        if next_node is not None:
-            stage_y, stage_p = (plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :])))
-            slopes = slopes_at(r, stage_y, stage_p)
-    move(r, total)
-    return r
 
 
 def stage_gradient_record(variant: Variant) -> Recorder:
@@ -109,17 +92,6 @@ def begin_gradient_record(variant: Variant) -> Recorder:
 def pulled_back(weights: Sequence[Any], numbers: Sequence[Any], ways: Sequence[tuple[str, int]]) -> list[Any]:
     """Return the derivatives of a weighted sum of numbers."""
     return [linear_algebra.dot(weights, [tangents(number).get(way, 0.0) for number in numbers]) for way in ways]
-
-
-@recorded_kernel(stages_record)
-def stages_kernel(arena: Arena, stages: LaneRows, h: float) -> None:
-    """Take every lane over a step.
-
-    Args:
-        arena: of one block.
-        stages: receives coordinates and rates of the stages. Shape (stages * 2 * size, lanes).
-        h: step [s].
-    """
 
 
 @recorded_kernel(stage_gradient_record)

@@ -30,7 +30,7 @@ from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_sizes, slope_ways
-from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at, step_kernel
+from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_theta2
 from flexarm_env.kernels.states import (
     ArmTable,
@@ -64,39 +64,28 @@ ARM_QUANTITY_COUNT = len(ARM_QUANTITIES)
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
-def first_stage_record(variant: Variant) -> Recorder:
-    """Record the first stage of a step."""
+def stages_record(variant: Variant) -> Recorder:
+    """Record a step: coordinates and rates of its stages, and its end."""
     r = Recorder(variant)
-    for name in ("Y", "V", "FORCE"):
-        r.write(f"{name}_STAGE", r.read(name))
-    r.write("TOTAL", [*r.read("V"), *driven(r.constants(), r.read("FORCE"), r.read("TAU"))])
-    return r
-
-
-def stage_record(variant: Variant) -> Recorder:
-    """Record a later stage of a step, as `step_record` computes it."""
-    r = Recorder(variant)
-    ahead, weight, k, tau = r.trace.number("ahead"), r.trace.number("weight"), r.constants(), r.read("TAU")
-    y = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE"))
-    slopes = slopes_at(r, y, plus_scaled(r.read("P"), ahead, driven(k, r.read("FORCE_STAGE"), tau)))
-    v, force = slopes[: len(y)], slopes[len(y) :]
-    r.write("TOTAL", plus_scaled(r.read("TOTAL"), weight, [*v, *driven(k, force, tau)]))
-    for name, values in (("Y_STAGE", y), ("V_STAGE", v), ("FORCE_STAGE", force)):
-        r.write(name, values)
-    return r
-
-
-def end_record(variant: Variant) -> Recorder:
-    """Record the end of a step whose stages are added up."""
-    r = Recorder(variant)
-    move(r, r.read("TOTAL"))
+    h, k, y, p = r.trace.number("h"), r.constants(), r.read("Y"), r.read("P")
+    stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
+    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
+        v = slopes[: len(y)]
+        r.store("stages", [*stage_y, *v], number * 2 * len(y))
+        rates = [*v, *driven(k, slopes[len(y) :], r.read("TAU"))]
+        total = plus_scaled(total, weight, rates)
+        if next_node is not None:
+            stage_y, stage_p = (plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :])))
+            slopes = slopes_at(r, stage_y, stage_p)
+    move(r, total)
     return r
 
 
 def slopes_record(variant: Variant) -> Recorder:
     """Record the slopes of a stage, in the order of `slope_sizes`."""
     r = Recorder(variant)
-    k, y, v = r.constants(), r.read("Y_STAGE"), r.read("V_STAGE")
+    k, stage = r.constants(), r.rows_of("stage", 2 * variant.size)
+    y, v = stage[: variant.size], stage[variant.size :]
     kinds = {kind: [way for way in slope_ways(variant.modes) if way[0] == kind] for kind in ("y", "v", "quantity")}
     dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
     dual_k = varied_constants(k, r.constant_derivatives(), kinds["quantity"])
@@ -130,64 +119,29 @@ def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any,
     return cos, sin, sine_of_theta2(variant, k, y)
 
 
-@recorded_kernel(first_stage_record)
-def first_stage_kernel(arena: Arena) -> None:
-    """Begin a step of every lane: Y_STAGE, V_STAGE, FORCE_STAGE and TOTAL are those of its start.
+@recorded_kernel(stages_record)
+def stages_kernel(arena: Arena, stages: LaneRows, h: float) -> None:
+    """Take every lane over a step.
 
     Args:
-        arena: of one block; V, P and FORCE belong together (`momentum_kernel`).
-    """
-
-
-@recorded_kernel(stage_record)
-def stage_kernel(arena: Arena, ahead: float, weight: float) -> None:
-    """Compute a later stage of a step of every lane.
-
-    Args:
-        arena: of one block; V_STAGE and FORCE_STAGE of the stage before, which receive the stage's own; TOTAL adds up.
-        ahead: time of the stage after the step's start [s].
-        weight: of the stage in the step.
+        arena: of one block.
+        stages: receives coordinates and rates of the stages. Shape (stages * 2 * size, lanes).
+        h: step [s].
     """
 
 
 @recorded_kernel(slopes_record)
-def slopes_kernel(arena: Arena, slopes: LaneRows) -> None:
-    """Compute the slopes of every lane at Y_STAGE and V_STAGE.
+def slopes_kernel(arena: Arena, stage: LaneRows, slopes: LaneRows) -> None:
+    """Compute the slopes of a stage of every lane.
 
     Args:
         arena: of one block.
-        slopes: receives them (`slope_sizes`).
+        stage: its coordinates and rates. Shape (2 * size, lanes).
+        slopes: receives them (`slope_sizes`). Shape (slope_rows, lanes).
     """
-
-
-@recorded_kernel(end_record)
-def end_kernel(arena: Arena, h: float) -> None:
-    """Move every lane to the end of its step, from the sum of its stages; the bits are those of `step_kernel`."""
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------
-
-
-def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: int, states: States) -> None:
-    """Advance many arms by the same number of steps, torques held.
-
-    Args:
-        arena: to work in.
-        arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
-        torques: held over all steps [N m]. Shape (arms, 2).
-        h: step [s].
-        steps: how many.
-        states: public, before the steps; receives those after them. Shape (arms, 2 * size).
-    """
-    arena = lane_rows(arena, variant.lanes)
-    for first in range(0, states.shape[0], variant.lanes):
-        load_arms(arena, row.CONSTANTS, arms, first)
-        load_rows(arena, row.TAU, torques, first)
-        load_states(arena, states, first)
-        momentum_kernel(arena)
-        for _ in range(steps):
-            step_kernel(arena, h)
-        store_states(arena, states, first)
 
 
 def run_tangents(
@@ -200,16 +154,16 @@ def run_tangents(
     states: States,
     jacobians: Jacobians,
 ) -> None:
-    """Advance many arms like `run_steps`, and give the Jacobians of their public states.
+    """Advance many arms by the same number of steps, torques held, and give the Jacobians of their public states.
 
     Args:
         arena: to work in.
-        arms: see `run_steps`.
+        arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
         changes: derivatives of the constants by each quantity. Shape (arms or 1, quantities * constants).
-        torques: see `run_steps`.
+        torques: held over all steps [N m]. Shape (arms, 2).
         h: step [s].
         steps: how many.
-        states: see `run_steps`.
+        states: public, before the steps; receives those after them. Shape (arms, 2 * size).
         jacobians: by states, by torques, by quantities. Shapes (arms, 2 * size, columns).
     """
     arena = lane_rows(arena, variant.lanes)
@@ -225,21 +179,21 @@ def run_tangents(
             if step == 0:
                 begin_columns(arena)
             carry_columns(arena, h)
-            end_kernel(arena, h)
         end_columns(arena)
         store_states(arena, states, first)
         store_columns(arena, jacobians, first)
 
 
 def find_slopes(arena: Arena, h: float) -> None:
-    """Compute the slopes of all stages of the coming step, and the sum of the stages."""
-    first_stage_kernel(arena)
-    for stage in range(RK4_STAGES):
-        if stage > 0:
-            stage_kernel(arena, h * RK4_NODES[stage], RK4_WEIGHTS[stage])
-        begin = row.SLOPES + stage * variant.slope_rows
+    """Take every lane over a step, and compute the slopes of its stages."""
+    size = 2 * variant.size
+    stages: LaneRows = arena[row.STAGES : row.STAGES + RK4_STAGES * size]
+    stages_kernel(arena, stages, h)
+    for number in range(RK4_STAGES):
+        stage: LaneRows = stages[number * size : number * size + size]
+        begin = row.SLOPES + number * variant.slope_rows
         slopes: LaneRows = arena[begin : begin + variant.slope_rows]
-        slopes_kernel(arena, slopes)
+        slopes_kernel(arena, stage, slopes)
 
 
 def begin_columns(arena: Arena) -> None:
@@ -271,9 +225,9 @@ def carry_columns(arena: Arena, h: float) -> None:
 
 def end_columns(arena: Arena) -> None:
     """Turn all columns from momenta to rates, by the slopes of the period's end."""
-    first_stage_kernel(arena)
+    end: LaneRows = arena[row.Y : row.Y + 2 * variant.size]  # rates follow coordinates
     slopes: LaneRows = arena[row.SLOPES : row.SLOPES + variant.slope_rows]
-    slopes_kernel(arena, slopes)
+    slopes_kernel(arena, end, slopes)
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n
         column: LaneRows = arena[begin : begin + 2 * variant.size]
@@ -324,7 +278,7 @@ def store_columns(arena: Arena, jacobians: Jacobians, first: int) -> None:
 
 TANGENTS = Program(
     "tangents",
-    entry_points=(run_steps, run_tangents),
+    entry_points=(run_tangents,),
     groups=frozenset({"tangents"}),
     allocation_free=True,
     description="an arm driven by torques, and its Jacobians",

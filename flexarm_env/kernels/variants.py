@@ -14,9 +14,12 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, Mask, Memory
 from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.rows import lane_rows
-from flexarm_env.kernels.entries import CLOCK_ROWS, READING_ROWS, Shape, word
+from flexarm_env.kernels.entries import CLOCK_ROWS, READING_ROWS, word
 from flexarm_env.kernels.layout import Row, slope_sizes, slope_ways
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
+from flexarm_env.physics import linear_algebra
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 
 
 @dataclass(frozen=True)
@@ -35,12 +38,12 @@ class Variant:
         foreshortened: kinematics (`bent_link`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
-        sensors: see `Shape` (environments only).
-        dry: see `Shape`.
-        motors: see `Shape` (environments only).
-        payloads: see `Shape` (environments only).
-        pulses: see `Shape` (environments only).
-        drifting: see `Shape` (environments only).
+        sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`; environments only).
+        dry: joints have dry friction.
+        motors: torques pass through motors that are not ideal (`motors`; environments only).
+        payloads: how many changes of the payload a lap has (`episode.payload`; environments only).
+        pulses: forces act at the tip (environments only).
+        drifting: strain gauges drift (environments only).
     """
 
     program: Program
@@ -66,25 +69,30 @@ class Variant:
         return self.program.name
 
     @property
-    def shape(self) -> Shape:
-        """What the layouts depend on."""
-        own = (self.sensors, self.dry, self.motors, self.payloads, self.pulses, self.drifting)
-        return Shape(self.program, self.modes, self.foreshortened, *own)
+    def groups(self) -> frozenset[str]:
+        """Groups whose parts the tables have (`layout`)."""
+        groups = self.program.groups | {"further sensors"} if self.sensors else self.program.groups
+        return groups | {name for name in ("motors", "payloads", "pulses", "drifting") if getattr(self, name)}
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
         """Layout of its arenas."""
-        return Row.layout(self.shape)
+        return Row.layout(self)
 
     @property
     def size(self) -> int:
         """Number of internal coordinates."""
-        return self.shape.size
+        return 2 * self.modes + 2
 
     @property
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
-        return self.shape.constants
+        return linear_algebra.extent(Constants.sizes(self.modes, self.foreshortened, self.dry))
+
+    @property
+    def pairs(self) -> int:
+        """How many numbers the foreshortening at a point is."""
+        return self.foreshortened * self.modes * (self.modes + 1) // 2
 
     @property
     def slot_rows(self) -> int:
@@ -94,12 +102,12 @@ class Variant:
     @property
     def further_points(self) -> int:
         """How many further sensors read positions; they come first."""
-        return self.shape.further_points
+        return sum(name == POSITION for name, _ in self.sensors)
 
     @property
     def further_readings(self) -> int:
         """How many numbers the further sensors read."""
-        return self.shape.further_readings
+        return sum(QUANTITIES_AT_A_POINT[name].size for name, _ in self.sensors)
 
     @property
     def ways(self) -> int:

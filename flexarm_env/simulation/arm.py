@@ -254,12 +254,11 @@ class FlexibleArm(FeedbackTorque):
         step = number("step", step, "s", above=0.0)
         count = substeps_of(step, substeps, self.longest_step(), self.fastest_rate())
         steps = count_instants(number("duration", duration, "s", above=0.0), step, count)
-        run = OpenLoop(self.constants, self._complete, start)
         if callable(torque):
-            states, torques = run.run_function(torque, steps, step, count)
+            states, torques = OpenLoop(self.constants, self._complete, start).run(torque, steps, step, count)
         else:
             held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2))
-            states, torques = run.run_held(held, step, count)
+            states, torques = self._run_held(start, held, step, count)
         trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
         if len(states) <= steps:
             raise DivergenceError(float(trajectory.time[-1]), trajectory)

@@ -1,13 +1,12 @@
-"""Many arms over one control period with torques held: states, and their exact Jacobians.
+"""Derivatives of the state that many arms reach after a control period with torques held: exact Jacobians, gradients.
 
-The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; the Jacobians are those of its steps
-(`step_jacobians`), not of the continuous motion.
+They are those of the steps of the classical Runge-Kutta method (`step_jacobians`), not of the continuous motion.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -90,7 +89,7 @@ class Arms(NamedTuple):
 
 
 class HeldTorque(ABC):
-    """The discrete model of an arm: one control period under held torques."""
+    """The derivatives of an arm's discrete model: one control period under held torques."""
 
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
@@ -105,43 +104,6 @@ class HeldTorque(ABC):
             damping: damping ratio; None: the arm's own.
             payload_mass: [kg]; None: the arm's own.
         """
-
-    def step(
-        self,
-        state: ArrayLike,
-        torque: ArrayLike,
-        period: float = 0.01,
-        *,
-        step: float = 1e-3,
-        payload_mass: ArrayLike | None = None,
-        stiffness: ArrayLike | None = None,
-        damping: ArrayLike | None = None,
-    ) -> Array:
-        """Compute the state a control period later, of one arm or of many at once.
-
-        Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
-
-        Args:
-            state: Shape (..., 4 + 4 m).
-            torque: held over the period, of shoulder and elbow [N m]. Shape (..., 2).
-            period: [s]; a whole number of steps.
-            step: step of the Runge-Kutta method [s].
-            payload_mass: [kg], 0 to 1000; None: the arm's own. Shape (...).
-            stiffness: factor on the stiffness of both links, 0.001 to 1000; None: 1. Shape (...).
-            damping: damping ratio (`physics.damping`) at that stiffness, 0 to 1; None: the arm's own. Shape (...).
-
-        Returns:
-            States, new. Shape (..., 4 + 4 m).
-
-        Raises:
-            ValueError: for bad input; a step too long is refused with the longest that is allowed.
-        """
-        given = payload_mass, stiffness, damping
-        arms, torques = self._driven(state, torque, given)
-        h, steps = self._steps(period, step, given)
-        module, arena = self._kernels(TANGENTS, arms.lanes)
-        cache.call(module.run_steps, arena, arms.inputs[0], torques, h, steps, arms.states)
-        return arms.shaped(arms.states)
 
     def step_jacobians(
         self,
@@ -198,7 +160,7 @@ class HeldTorque(ABC):
         gradients = np.empty((count, size)), np.empty((count, 2))
         module, arena = self._kernels(GRADIENTS, arms.lanes)
         known = arena, aligned_zeros(trail_rows(size // 2, steps) * arms.lanes), arms.inputs[0], torques
-        cache.call(module.run_gradients, *known, h, steps, arms.states, _rows(summed, arms.leading), gradients)
+        cache.call(module.run_gradients, *known, h, steps, arms.states, rows_of(summed, arms.leading), gradients)
         return StepGradients(*map(arms.shaped, gradients))
 
     @cached_property
@@ -262,7 +224,7 @@ class HeldTorque(ABC):
         """Return `_arms`, and the torque of each [N m]. Shape (n, 2)."""
         torques = finite_rows("torque", torque, 2, LARGEST)
         arms = self._arms(state, {"torque": torques.shape[:-1], **others}, quantities)
-        return arms, _rows(torques, arms.leading)
+        return arms, rows_of(torques, arms.leading)
 
     def _arms(
         self, state: ArrayLike, others: Mapping[str, tuple[int, ...]], quantities: tuple[ArrayLike | None, ...]
@@ -292,35 +254,14 @@ class HeldTorque(ABC):
             rows = np.stack(np.broadcast_arrays(*drawn), axis=-1)
             inputs = self._inputs_of(rows.reshape(-1, len(ARM_QUANTITIES)))
             if len(inputs[0]) > 1:
-                one, other = (_rows(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
+                one, other = (rows_of(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
                 inputs = one, other
-        return Arms(leading, _rows(states, leading), inputs)
+        return Arms(leading, rows_of(states, leading), inputs)
 
     def _kernels(self, program: Program, lanes: int) -> tuple[Entries, Array]:
         complete, k = self.parameters.velocity_forces == "complete", self.constants
         module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, k.foreshortened, k.dry)
         return module, aligned_zeros(words)
-
-
-def step_each(arms: Sequence[HeldTorque], state: Array, torque: Array, period: float, step: float) -> Array:
-    """Return `HeldTorque.step` of arms that differ in numbers alone. Shape (arms, n, 4 + 4 m).
-
-    Args:
-        arms: of one number of modes, kinematics and velocity forces; only the first one's longest step is checked.
-        state: of all of them. Shape (n, 4 + 4 m).
-        torque: on all of them. Shape (n, 2).
-        period: see `HeldTorque.step`.
-        step: see there.
-    """
-    if len(kinds := {(len(one._own[0][0]), one.parameters.velocity_forces, one.constants.dry) for one in arms}) != 1:
-        raise ValueError(f"arms of {len(kinds)} kinds; shapes, kinematics and forces must be the same")
-    h, steps = arms[0]._steps(period, step, (None, None, None))
-    leading = len(arms), len(state)
-    known = np.repeat(np.concatenate([one._own[0] for one in arms]), len(state), axis=0)
-    states = _rows(state, leading)
-    module, arena = arms[0]._kernels(TANGENTS, LANES)
-    cache.call(module.run_steps, arena, known, _rows(torque, leading), h, steps, states)
-    return states.reshape(*leading, -1)
 
 
 @lru_cache
@@ -332,7 +273,7 @@ def _loaded(
     return compiler.load(variant), lanes * extent(variant.rows)
 
 
-def _rows(array: Array, leading: tuple[int, ...]) -> Array:
+def rows_of(array: Array, leading: tuple[int, ...]) -> Array:
     """Return one row for each arm, new and in C order, as kernels require. Shape (n, entries)."""
     whole = np.broadcast_to(array, (*leading, array.shape[-1]))
     return np.array(whole, order="C").reshape(-1, array.shape[-1])

@@ -10,9 +10,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,30 +26,6 @@ Array = NDArray[np.float64]
 ALL_READINGS = -1  # as bits of `Header.KEPT_READINGS`
 
 
-class Lanes(NamedTuple):
-    """What the lanes of a batch are made of.
-
-    Attributes:
-        variant: kernels that step them.
-        arms: how many; lanes beyond the last one repeat it.
-        slots: of the delay line.
-        header: whole numbers that say what is to be done (`entries.Header`), and what follows them.
-        settings: numbers that all share (`entries.Setting`), and what follows them.
-        paths: Shape (paths, n, 5).
-        tail: further rows of an arena.
-        arrays: those that only some programs have (`entries.Header`), by name.
-    """
-
-    variant: Variant
-    arms: int
-    slots: int
-    header: NDArray[np.int64]
-    settings: Array
-    paths: Array
-    tail: int = 0
-    arrays: Mapping[str, NDArray[Any]] = MappingProxyType({})
-
-
 class LaneBatch(ABC):
     """N arms in blocks of lanes.
 
@@ -60,33 +34,38 @@ class LaneBatch(ABC):
         parts: places of the parts of results, by name (`layout.result_sizes`).
     """
 
-    WHAT = "the batch"  # as messages name it
     _kernel: Callable[..., Any]
     _pool: ThreadPoolExecutor | None
     _process: int  # whose threads are in the pool
 
-    def __init__(self, lanes: Lanes, threads: int = 1) -> None:
+    def __init__(
+        self, variant: Variant, count: int, arrays: Mapping[str, NDArray[Any]], slots: int, tail: int, threads: int = 1
+    ) -> None:
         """Lay out the memory; kernels are compiled, or found in the cache, when `_prepare` is first called.
 
         Args:
-            lanes: what the lanes are.
+            variant: of the kernels.
+            count: N; lanes beyond the last arm repeat it.
+            arrays: HEADER (`entries.Header`), SETTINGS (`entries.Setting`), each with what follows it, PATHS, and
+                those of `entries.MEMORY` that the program has beside a batch's own.
+            slots: of the delay line.
+            tail: further rows of an arena.
             threads: that step the blocks; more than one pays for large batches on idle cores only.
 
         Raises:
             ValueError: if numba compiles nothing.
         """
         cache.check_compiler()
-        self.count, self._threads = lanes.arms, threads
-        self._variant, self._rows = lanes.variant, lanes.variant.rows
+        self.count, self._threads = count, threads
+        self._variant, self._rows = variant, variant.rows
         sizes = result_sizes(self._rows)
         first = self._rows[next(iter(sizes))][0]
         self._results = slice(first, first + sum(sizes.values()))
         self.parts = {
             name: slice(self._rows[name][0] - first, self._rows[name][0] - first + size) for name, size in sizes.items()
         }
-        width = self._variant.lanes
-        self._blocks = -(-self.count // width)
-        self._memory, self._parts = _lay_out(lanes, self._blocks)
+        self._blocks = -(-count // variant.lanes)
+        self._memory, self._parts = _lay_out(variant, self._blocks, arrays, slots, tail)
         self._link()
         self._edges = np.linspace(0, self._blocks, threads + 1).astype(int).tolist()  # of the threads' shares
         self._pool = None
@@ -111,23 +90,19 @@ class LaneBatch(ABC):
         first, count = self._rows[name]
         return self._arenas[:, first : first + count]
 
-    def _put(self, name: str, values: Array) -> None:
-        """Write a part of the arenas, if the program has it. Shape (N, count)."""
-        if name in self._rows:
-            rows = self._lane_rows(name)
-            blocks, count, lanes = rows.shape
-            padded = values[np.minimum(np.arange(blocks * lanes), self.count - 1)]
-            rows[:] = np.moveaxis(padded.reshape(blocks, lanes, count), 2, 1)
-
     def _put_rows(self, kinds: Sequence[Mapping[str, Any]], kind_of: NDArray[np.int64]) -> None:
-        """Write what no period changes.
+        """Write what no period changes, as far as the program has it.
 
         Args:
             kinds: parts of the arenas by name, of each kind of lane.
             kind_of: kind of each arm. Shape (N,).
         """
-        for name in kinds[0]:
-            self._put(name, np.array([one[name] for one in kinds], dtype=float)[kind_of])
+        for name in kinds[0].keys() & self._rows.keys():
+            rows = self._lane_rows(name)
+            blocks, count, lanes = rows.shape
+            own = kind_of[np.minimum(np.arange(blocks * lanes), self.count - 1)]
+            values = np.array([one[name] for one in kinds], dtype=float)[own]
+            rows[:] = np.moveaxis(values.reshape(blocks, lanes, count), 2, 1)
 
     def _get(self, name: str, count: int) -> Array:
         """Return rows of the arenas, from a part on, in a new array. Shape (N, count)."""
@@ -174,12 +149,13 @@ class LaneBatch(ABC):
         else:
             if self._pool is None or self._process != os.getpid():  # a forked child does not have its parent's threads
                 self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
-            for _ in self._pool.map(partial(self._step_share, results), self._edges[:-1], self._edges[1:]):
+
+            def step(low: int, high: int) -> None:
+                self._kernel(self._memory, low, high, results)
+
+            for _ in self._pool.map(step, self._edges[:-1], self._edges[1:]):
                 pass
         return results[:, : self.count].T
-
-    def _step_share(self, results: Array, low: int, high: int) -> None:
-        self._kernel(self._memory, low, high, results)
 
     def close(self) -> None:
         """End the threads."""
@@ -193,9 +169,9 @@ class LaneBatch(ABC):
     def _arguments(self) -> tuple[Any, ...]:
         """Return the arguments from which a copy is made."""
 
+    @abstractmethod
     def _kept(self) -> dict[str, Any]:
         """Return the attributes that a copy takes over, beside the memory."""
-        return {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made from: arguments, memory, and the layout's stamp."""
@@ -214,7 +190,7 @@ class LaneBatch(ABC):
             LayoutError: if the memory has another layout than a new one.
         """
         anew = type(self)(*state["arguments"])
-        check_stamp(self.WHAT, state.get("layout_stamp"), layout_stamp(anew._variant, anew._parts))
+        check_stamp("the batch", state.get("layout_stamp"), layout_stamp(anew._variant, anew._parts))
         self.__dict__.update(anew.__dict__)
         self.__dict__.update(state["kept"])
         self._memory[:] = state["memory"]
@@ -226,28 +202,27 @@ def _not_started(*arguments: Any) -> None:
     raise RuntimeError("step() before start(): there are no states to advance")
 
 
-def _lay_out(lanes: Lanes, blocks: int) -> tuple[Array, dict[str, ArraySpec]]:
+def _lay_out(
+    variant: Variant, blocks: int, arrays: Mapping[str, NDArray[Any]], slots: int, tail: int
+) -> tuple[Array, dict[str, ArraySpec]]:
     """Return memory with the header and the arrays, and where each lies; kernels read these places in the header."""
-    variant, width = lanes.variant, lanes.variant.lanes
-    arrays: dict[str, NDArray[Any]] = {
-        "HEADER": lanes.header,  # kernels find it at the beginning
-        "ARENAS": np.zeros((blocks, extent(variant.rows) + lanes.tail, width)),
-        "HISTORIES": np.zeros((blocks, lanes.slots, variant.slot_rows, width)),
+    width = variant.lanes
+    own = {
+        "HEADER": arrays["HEADER"],  # kernels find it at the beginning
+        "ARENAS": np.zeros((blocks, extent(variant.rows) + tail, width)),
+        "HISTORIES": np.zeros((blocks, slots, variant.slot_rows, width)),
         "CLOCKS": np.zeros((blocks, CLOCK_ROWS, width), dtype=np.int64),
         "STARTS": np.zeros(blocks * width, dtype=bool),
-        "SETTINGS": lanes.settings,
-        "PATHS": lanes.paths,
-        **lanes.arrays,
     }
-    memory, parts = pack(arrays)
+    memory, parts = pack(own | arrays)
     header = parts["HEADER"].view(memory)
     sizes = {
         "HEADER_WORDS": len(header),
-        "SETTING_NUMBERS": len(lanes.settings),
-        "ARENA_ROWS": arrays["ARENAS"].shape[1],
-        "HISTORY_ROWS": lanes.slots * variant.slot_rows,
-        "PATH_COUNT": lanes.paths.shape[0],
-        "PATH_POINTS": lanes.paths.shape[1],
+        "SETTING_NUMBERS": len(arrays["SETTINGS"]),
+        "ARENA_ROWS": own["ARENAS"].shape[1],
+        "HISTORY_ROWS": slots * variant.slot_rows,
+        "PATH_COUNT": arrays["PATHS"].shape[0],
+        "PATH_POINTS": arrays["PATHS"].shape[1],
     }
     places = {name: parts[name].first for name in MEMORY if name in parts}
     for name, value in {**sizes, **places}.items():

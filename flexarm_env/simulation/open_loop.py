@@ -1,4 +1,4 @@
-"""The torque-driven run of one arm on its compiled kernel: torques held over each step, or a function of the state.
+"""The run of one arm under torques that are a function of its state, on compiled kernels; how long runs may be.
 
 The classical Runge-Kutta method of fourth order; states come in and go out in public coordinates.
 """
@@ -56,11 +56,12 @@ class OpenLoop:
         self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)
         self._arena[self._state] = internal_state(constants, start)
 
-    def run_held(self, held: Array, step: float, substeps: int) -> tuple[Array, Array]:
-        """Hold each torque over one step.
+    def run(self, torque: TorqueFunction, steps: int, step: float, substeps: int) -> tuple[Array, Array]:
+        """Evaluate the torque at every stage.
 
         Args:
-            held: [N m]. Shape (steps, 2).
+            torque: see `FlexibleArm.simulate`.
+            steps: how many.
             step: [s].
             substeps: integration steps in each `step`.
 
@@ -68,15 +69,6 @@ class OpenLoop:
             States, Shape (n, 4 + 4 m), and torques, Shape (n, 2), until the state stops being finite: n = steps + 1
             if it does not.
         """
-        torques = np.repeat(held, substeps, axis=0)[:, None, :]
-        states = np.zeros((len(held), 1, len(self._start)))
-        arguments = (self._arena[None], torques, states, step / substeps, substeps)
-        done = cache.call(self._module.run_open, *arguments) // substeps
-        public = np.concatenate([self._start[None], public_state(self._constants, states[:done, 0])])
-        return public, np.concatenate([held, held[-1:]])[: done + 1]
-
-    def run_function(self, torque: TorqueFunction, steps: int, step: float, substeps: int) -> tuple[Array, Array]:
-        """Evaluate the torque at every stage; arguments and results as in `run_held`."""
         h = step / substeps
         states, torques = [self._start], [_evaluate(torque, 0.0, self._start)]
         cache.call(self._module.find_momenta, self._arena)

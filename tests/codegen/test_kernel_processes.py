@@ -21,16 +21,17 @@ PROGRAM = """
 import sys, numpy as np, flexarm_env
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen import compiler
-from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.rk4 import FEEDBACK
 from flexarm_env.kernels.variants import Variant
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
-variant = Variant(OPEN, 1, True, 1)
+variant = Variant(FEEDBACK, 1, True, 1)
 print(compiler.Kernels(variant).identity)
 if sys.argv[2:] != ["identity"]:
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
     run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
-    print(sum(compiler.load(variant).run_open.stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
-    if compiler.load(variant).run_open.stats.cache_hits:  # what only a compilation requires is not imported
+    stats = compiler.load(variant).run_feedback.stats
+    print(sum(stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
+    if stats.cache_hits:  # what only a compilation requires is not imported
         assert "numba.np.arraymath" not in sys.modules
 """
 LINE = r"compiled in \d+\.\d s, kept in .+: an arm driven by torques, one environment, 1 mode a link\n"
@@ -76,7 +77,7 @@ EDITS = [
     ("physics/dynamics.py", "root = elbow_on_2[1] * link_e", "root = elbow_on_2[0] * link_e"),
     ("codegen/elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
     ("codegen/memory.py", "CACHE_LINE = 64", "CACHE_LINE = 128"),
-    ("kernels/rk4.py", "arena[row.TAU + r, i] = held[r, i]", "arena[row.TAU + r, i] = 2.0 * held[r, i]"),
+    ("kernels/rk4.py", "value = feedforward[j]", "value = 2.0 * feedforward[j]"),
 ]
 
 

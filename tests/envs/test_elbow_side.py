@@ -60,7 +60,7 @@ def test_the_present_side_is_aimed_at(branch: float) -> None:
     arena = np.zeros((extent(of.rows), 3))
     lengths, point, velocity = (4.5, 4.0), (-3.0, 5.0), (1.0, -0.5)
     with plain_python(of):
-        settings = np.zeros(extent(Setting.layout(of.shape)))
+        settings = np.zeros(extent(Setting.layout(of)))
         settings[setting.LENGTHS : setting.LENGTHS + 2], arena[row.BRANCH] = lengths, branch
         arena[row.REFERENCE : row.REFERENCE + 4] = np.array([*point, *velocity])[:, None]
         arena[row.MEASURED_SIDE] = branch, -branch, 0.0

@@ -13,14 +13,16 @@ import pytest
 
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen import cache, compiler
+from flexarm_env.codegen.arrays import LaneRows
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.plain import python_kernel
+from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.episode.step import GAIN
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
-from flexarm_env.kernels.rk4 import OPEN
-from flexarm_env.kernels.variants import Variant
+from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import elimination
@@ -30,6 +32,17 @@ from tests.support.rounding import rounded_once
 LANES = 8
 # modes, complete velocity forces, kinematics
 VARIANTS = [(1, True, "linear"), (2, True, "linear"), (2, False, "linear"), (3, True, "foreshortened")]
+
+
+def run_steps(memory: LaneRows, h: float, steps: int) -> None:
+    """Advance the arms of a block by so many steps of h [s]."""
+    arena = lane_rows(memory, variant.lanes)
+    momentum_kernel(arena)
+    for _ in range(steps):
+        step_kernel(arena, h)
+
+
+STEPS = Program("steps", (run_steps,))
 
 
 class Batch:
@@ -56,13 +69,7 @@ class Batch:
         return compiler.load(self.variant(lanes))
 
     def variant(self, lanes: int) -> Variant:
-        return Variant(OPEN, self.modes, self.complete, lanes, foreshortened=self.foreshortened)
-
-    def step_once(self, lanes: int, arena: np.ndarray, h: float) -> None:
-        """Advance the arms of a block by a step of h [s]."""
-        rows = self.rows
-        torques = arena.reshape(-1, lanes)[rows["TAU"][0] :][:2].reshape(1, 1, -1)
-        self.module(lanes).run_open(arena[None], torques, np.zeros((1, 1, 2 * self.size * lanes)), h, 1)
+        return Variant(STEPS, self.modes, self.complete, lanes, foreshortened=self.foreshortened)
 
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
@@ -117,7 +124,7 @@ def test_a_compiled_step_is_its_recording_to_the_last_bit(batch: Batch, lanes: i
     """The compiler reorders, contracts and replaces nothing; what the recording fuses is rounded once."""
     arenas, expected = batch.arenas(lanes), batch.arenas(1)
     for arena in arenas:
-        batch.step_once(lanes, arena, 1e-3)
+        batch.module(lanes).run_steps(arena, 1e-3, 1)
     kernels = (kernel.recording(batch.variant(1)) for kernel in (momentum_kernel, step_kernel))
     begin, step = (python_kernel(kernel, 1, rounded_once) for kernel in kernels)
     for arena in expected:
@@ -151,7 +158,7 @@ def test_threads_run_as_one_does(batch: Batch) -> None:
     def run(_: int) -> np.ndarray:
         arenas = batch.arenas(LANES)
         for _ in range(200):
-            batch.step_once(LANES, arenas[0], 2e-4)
+            batch.module(LANES).run_steps(arenas[0], 2e-4, 1)
         return arenas
 
     expected = run(0)
@@ -163,13 +170,11 @@ def test_threads_run_as_one_does(batch: Batch) -> None:
 def test_kernels_release_the_interpreter() -> None:
     """While a kernel runs in another thread, this one goes on counting."""
     batch = Batch(1, True)
-    steps = 300_000
-    arenas, torques = batch.arenas(LANES), np.zeros((steps, 1, 2 * LANES))
-    states, run = np.zeros((1, 1, 2 * batch.size * LANES)), batch.module(LANES).run_open
-    run(arenas.copy(), torques[:1], states, 1e-4, 1)  # compiles
+    arenas, run = batch.arenas(LANES), batch.module(LANES).run_steps
+    run(arenas[0].copy(), 1e-4, 1)  # compiles
     with ThreadPoolExecutor(1) as pool:
         started = time.perf_counter()
-        running = pool.submit(run, arenas, torques, states, 1e-4, steps)
+        running = pool.submit(run, arenas[0], 1e-4, 300_000)
         longest, last = 0.0, started
         while not running.done():
             now = time.perf_counter()
@@ -195,21 +200,21 @@ MACHINES = {
 
 
 @pytest.mark.slow  # compiles what the cache holds already
-@pytest.mark.parametrize("variant", [Variant(OPEN, 1, True, 4 * LANES), Variant(GAIN, 1, True, 4 * LANES)], ids=str)
+@pytest.mark.parametrize("of", [Variant(STEPS, 1, True, 4 * LANES), Variant(GAIN, 1, True, 4 * LANES)], ids=str)
 def test_batch_kernels_work_on_several_lanes_at_once(
-    variant: Variant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    of: Variant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     if machine not in MACHINES:
         pytest.skip(f"no pattern of vector instructions for {machine}")
     monkeypatch.setenv("FLEXARM_CACHE_DIR", str(tmp_path))  # what comes from a cache has no assembly to show
-    module = compiler.load.__wrapped__(variant)
-    entry = getattr(module, variant.program.entries(variant.lanes)[0].__name__)
+    module = compiler.load.__wrapped__(of)
+    entry = getattr(module, of.program.entries(of.lanes)[0].__name__)
     assert not entry.targetoptions.get("fastmath")
-    arrays = [np.zeros((1,) * axes) for axes in (2, 3, 3)]
-    cache.compiled_entry(entry, *((*arrays, 1e-3, 1) if variant.program is OPEN else (np.zeros(1), 0, 1, arrays[0])))
+    memory = np.zeros(1)
+    cache.compiled_entry(entry, *((memory, 1e-3, 1) if of.program is STEPS else (memory, 0, 1, memory[None])))
     (machine_code,) = entry.inspect_asm().values()
-    name = "step_kernel" if variant.program is OPEN else "law_kernel"
+    name = "step_kernel" if of.program is STEPS else "law_kernel"
     code = re.search(rf"^{name}:.*?\.size\s+{name}", machine_code, re.MULTILINE | re.DOTALL)
     assert code is not None
     pack, scalar, _ = (len(re.findall(pattern, code[0])) for pattern in MACHINES[machine])

@@ -41,8 +41,8 @@ class LawLoop:
 
     def advance(self, gain: float, noise: ArrayLike = (0.0, 0.0)) -> Array:
         """Hold a gain, and noise of the sensor [m], for a period; return the state then. Shape (4 + 4 m,)."""
-        self.simulator._put("GAIN_LIMIT", np.array([[gain]]))
-        self.simulator._put("NOISE", np.asarray(noise)[None])
+        for name, values in (("GAIN_LIMIT", [gain]), ("NOISE", noise)):
+            self.simulator._lane_rows(name)[0, :, 0] = values
         self.simulator.actions[:] = 1.0
         self.simulator.step()
         return self.state
