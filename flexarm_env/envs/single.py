@@ -169,14 +169,9 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         set_generator(self.np_random, own[GENERATOR])
         if self._scene is not None:
             self._scene.begin(self.simulator.result(0))
-        return self.simulator.single_observation.copy(), self._info()[0]
-
-    def _info(self) -> tuple[dict[str, Any], bool]:
-        """Return the info of the present instant, and whether the episode has terminated."""
         info, (_, status) = self._infos.read(), self.simulator.single_end
-        if status != 0.0:
-            info["end_code"] = self._infos.codes[status]
-        return info, status != 0.0
+        info["end_code"] = self._infos.codes[status]
+        return self.simulator.single_observation.copy(), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the present instant. Shape (size, size, 3); None in "human" mode, where a window shows it.

@@ -286,6 +286,8 @@ def drive_gain(block: Block) -> None:
             evaluate_law(block, h)
             for i in range(variant.lanes):
                 arena[row.EFFECTIVE_GAIN, i] = arena[row.GAIN, i]
+                for r in range(2):
+                    arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
         loop_step(block, h)
 
 

@@ -136,7 +136,7 @@ def features_record(variant: Variant) -> Recorder:
     terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
     if variant.racing:
         terms.append(reward.progress_term(r.one("REFERENCE_SPEED"), r.read("PACE")[0]))
-    weighted = [weight * term for weight, term in zip(r.elements("weights", len(terms)), terms, strict=True)]
+    weighted = [r.trace.number("weights", n) * term for n, term in enumerate(terms)]
     r.write("REWARD_TERMS", weighted)
     total = weighted[0]
     for term in weighted[1:]:

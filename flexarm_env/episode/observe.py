@@ -25,13 +25,13 @@ from flexarm_env.episode.disturbances import read_gauges
 from flexarm_env.episode.features import features_kernel, joint_kernel
 from flexarm_env.episode.payload import NEAR
 from flexarm_env.episode.race import FINISHED, note_finish
-from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense, sense_further
+from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, joint_motion, noise_place, sense, sense_further
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import truth_kernel
 from flexarm_env.kernels.reference import follow_reference, lap_of, path_time
 from flexarm_env.kernels.variants import Block, variant
-from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
+from flexarm_env.physics.inverse_kinematics import elbow_side
 from flexarm_env.physics.polyline import AHEAD, reference_at
 
 FINAL_REST = 0.25  # of the lap; the rest after the move back (`reset.draw_moves`)
@@ -53,18 +53,6 @@ def push_actions(block: Block, actions: Actions) -> None:
             change = action - last[i]
             last[i] = action
             changes[i] += change * change
-
-
-def observe(block: Block, observations: Observations) -> None:
-    """Measure the present instant, determine the termination status, and write the observations.
-
-    Args:
-        block: the block.
-        observations: output, of all lanes.
-    """
-    update_measurements(block)
-    write_previews(block)
-    write_observations(block, observations)
 
 
 def update_measurements(block: Block) -> None:
@@ -171,15 +159,11 @@ def aim_on_present_side(arena: Arena, settings: Table) -> None:
     for i in range(variant.lanes if swung > 0 else 0):
         side = arena[row.MEASURED_SIDE, i]
         if side * arena[row.BRANCH, i] < 0.0:
-            length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
             x, y = arena[row.REFERENCE, i], arena[row.REFERENCE + 1, i]
             vx, vy = arena[row.REFERENCE + 2, i], arena[row.REFERENCE + 3, i]
-            theta1, theta2 = joint_angles_for(length_1, length_2, side, x, y)
-            rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
-            arena[row.PRESENT_JOINT, i] = theta1
-            arena[row.PRESENT_JOINT + 1, i] = theta2
-            arena[row.PRESENT_JOINT + 2, i] = rate_1
-            arena[row.PRESENT_JOINT + 3, i] = rate_2
+            present = joint_motion(settings, side, (x, y, vx, vy))
+            for r in range(4):
+                arena[row.PRESENT_JOINT + r, i] = present[r]
 
 
 def note_rest(block: Block) -> None:

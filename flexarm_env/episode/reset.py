@@ -34,7 +34,7 @@ from flexarm_env.kernels.recorded import elimination_kernel, momentum_kernel
 from flexarm_env.kernels.reference import invalidate_segment, path_time
 from flexarm_env.kernels.states import enter_state
 from flexarm_env.kernels.variants import Block, variant
-from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for, joint_rates_for
+from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for
 from flexarm_env.physics.polyline import reference_at
 
 CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
@@ -158,22 +158,20 @@ def initial_state(block: Block, key: np.uint64, request: ResetRequest, i: int) -
     moving = is_moving(clock, i)
     now = path_time(arena, clock, settings[setting.STEP], 0.0, i)
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
-    length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
-    theta1, theta2 = joint_angles_for(length_1, length_2, arena[row.BRANCH, i], reference[0], reference[1])
-    rate_1, rate_2 = 0.0, 0.0
+    theta1, theta2, rate_1, rate_2 = joint_motion(settings, arena[row.BRANCH, i], reference)
     if moving:
-        rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, reference[2], reference[3])
         theta1 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD) - 1.0)
         theta2 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD + 1) - 1.0)
+    else:
+        rate_1, rate_2 = 0.0, 0.0
     given = request[column.STATE] == request[column.STATE]
     for r in range(2 * variant.size):
         entry = r % variant.size
         value = request[column.STATE + r] if given else 0.0
         if not given and entry < 2:
             value = (theta1, theta2, rate_1, rate_2)[2 * (r // variant.size) + entry]
-        if (
-            not given and moving and r < variant.size and (entry == 2 or entry == 2 + variant.modes)
-        ):  # the links' first modes
+        first = entry == 2 or entry == 2 + variant.modes  # mode of a link
+        if not given and moving and r < variant.size and first:
             link = 0 if entry == 2 else 1
             tip = arena[row.CONSTANTS + constant.ELBOW_VALUES if link == 0 else row.TIP_VALUES, i]
             value = settings[setting.START_SPREAD + 1] / tip * (2.0 * uniform(key, PLACE_SPREAD + 2 + link) - 1.0)
@@ -200,23 +198,19 @@ def clear_lane(block: Block, i: int) -> None:
     for r in range(2):
         arena[row.TORQUE + r, i] = 0.0
         arena[row.SENSOR_ERROR + r, i] = 0.0
-    if variant.further_readings:
-        for r in range(2):  # before the first action the motors are off
+        if variant.further_readings:  # before the first action the motors are off
             arena[row.TAU + r, i] = 0.0
             arena[row.END_TORQUE + r, i] = 0.0
+        if variant.law:
+            arena[row.NOISE + r, i] = 0.0
+        if variant.pulses:
+            arena[row.TIP_FORCE + r, i] = 0.0
+        if variant.motors:
+            arena[row.MOTOR + r, i] = 0.0
+        if variant.tracking:
+            arena[row.SHIFT + r, i] = 0.0
     if variant.law:
-        arena[row.NOISE, i] = 0.0
-        arena[row.NOISE + 1, i] = 0.0
         prepare_law(arena, i)
-    if variant.pulses:
-        arena[row.TIP_FORCE, i] = 0.0
-        arena[row.TIP_FORCE + 1, i] = 0.0
-    if variant.motors:
-        arena[row.MOTOR, i] = 0.0
-        arena[row.MOTOR + 1, i] = 0.0
-    if variant.tracking:
-        arena[row.SHIFT, i] = 0.0
-        arena[row.SHIFT + 1, i] = 0.0
 
 
 def reset_lanes(block: Block) -> None:

@@ -15,7 +15,7 @@ from flexarm_env.codegen.declarations import Function, Program
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode import reward
 from flexarm_env.episode.actuation import DRIVES, HOST_DRIVES, Drive, drive
-from flexarm_env.episode.observe import observe, push_actions
+from flexarm_env.episode.observe import push_actions, update_measurements, write_observations, write_previews
 from flexarm_env.episode.reset import begin_sensors, reset_lanes
 from flexarm_env.kernels.delay_line import fill_history, store_reading
 from flexarm_env.kernels.entries import clock_row, setting, word
@@ -97,7 +97,9 @@ def report(block: Block) -> None:
         active[i] = header[word.DRIVING] != 0 or started[i]
     if starting:
         begin_sensors(block)
-    observe(block, observations)
+    update_measurements(block)
+    write_previews(block)
+    write_observations(block, observations)
     for i in range(variant.lanes if starting else 0):
         if started[i]:  # a reset has no reward
             for n in range(variant.reward_terms):

@@ -110,14 +110,10 @@ def step_within_segment(arena: Arena, clock: Clock, i: int, time: float, h: floa
 
 
 def evaluate_law(block: Block, h: float) -> None:
-    """Compute the law's torque at the present instant with the present gain, and the mechanical acceleration."""
-    arena = block.arena
+    """Compute the law's torque at the present instant with the present gain, and the accelerations (`law_kernel`)."""
     prepare_commands(block, h)
     prepare_readings(block, h, 0.0)
-    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
-    for r in range(2):
-        for i in range(variant.lanes):
-            arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
+    law_kernel(block.arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def store_stage(arena: Arena, slot: int) -> None:
@@ -177,10 +173,7 @@ def start_law(block: Block, h: float) -> None:
                 arena[row.V_SLOTS + at, i] = 0.0
                 arena[row.MECHANICAL_SLOTS + at, i] = 0.0
                 arena[row.FEEDBACK_SLOTS + at, i] = 0.0
-    # as `evaluate_law`, but the other lanes keep the torques of the start of their period
-    prepare_commands(block, h)
-    prepare_readings(block, h, 0.0)
-    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    evaluate_law(block, h)
     for r in range(variant.size):
         for i in range(variant.lanes):
             if started[i]:

@@ -40,10 +40,6 @@ class Recorder:
         first, count = self._part(name)
         return self.rows_of("arena", count, first)
 
-    def elements(self, array: str, count: int) -> list[Any]:
-        """Read the first elements of an array that all lanes share."""
-        return [self.trace.number(array, n) for n in range(count)]
-
     def rows_of(self, array: str, count: int, first: int = 0) -> list[Any]:
         """Read rows of an array, from the first on."""
         return [self.trace.row(array, row) for row in range(first, first + count)]
