@@ -14,7 +14,6 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import floor, root
 from flexarm_env.episode import reward
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
-from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for, joint_rates_for
 
 
@@ -111,13 +110,21 @@ def _turned_back(angle: Any) -> Any:
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
-def features_record(variant: Variant) -> Recorder:
-    """Record the kernel of the observations' parts and the reward's terms."""
-    r = Recorder(variant)
+@recorded_kernel
+def features_kernel(r: Recorder, arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
+    """Compute each lane's parts of observations and terms of the reward.
+
+    Args:
+        r: records it.
+        arena: of one block.
+        length_1: length of link 1 [m].
+        length_2: length of link 2 [m].
+        weights: weight of each term.
+    """
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
     measured = Measurements(
         **{name: r.read(name.upper()) for name in names},
-        lengths=(r.trace.number("length_1"), r.trace.number("length_2")),
+        lengths=(length_1, length_2),
         phase=r.one("PHASE"),
         frame=r.one("LINK_FRAME"),
     )
@@ -127,14 +134,14 @@ def features_record(variant: Variant) -> Recorder:
     errors, error_rates = joint_errors(r.read("PRESENT_JOINT"), measured.encoders)
     r.write("F_PRESENT_JOINT_ERROR", errors)
     r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
-    for name in ("FURTHER_READING", "FURTHER_ERROR") if variant.further_points else ():
-        points = [r.read(name)[2 * n : 2 * n + 2] for n in range(variant.further_points)]
+    for name in ("FURTHER_READING", "FURTHER_ERROR") if r.variant.further_points else ():
+        points = [r.read(name)[2 * n : 2 * n + 2] for n in range(r.variant.further_points)]
         r.write(f"F_{name}", [x for point in points for x in in_frame(found.frame_axis, point)])
     square = reward.squared_distance(r.read("TRUE_TIP"), r.read("REFERENCE"))
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)
     terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
-    if variant.racing:
+    if r.variant.racing:
         terms.append(reward.progress_term(r.one("REFERENCE_SPEED"), r.read("PACE")[0]))
     weighted = [r.trace.number("weights", n) * term for n, term in enumerate(terms)]
     r.write("REWARD_TERMS", weighted)
@@ -142,32 +149,12 @@ def features_record(variant: Variant) -> Recorder:
     for term in weighted[1:]:
         total = total + term
     r.write("REWARD", [total])
-    return r
 
 
-@recorded_kernel(features_record)
-def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
-    """Compute each lane's parts of observations and terms of the reward.
-
-    Args:
-        arena: of one block.
-        length_1: length of link 1 [m].
-        length_2: length of link 2 [m].
-        weights: weight of each term.
-    """
-
-
-def joint_record(variant: Variant) -> Recorder:
-    """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
-    r = Recorder(variant)
-    lengths = (r.trace.number("length_1"), r.trace.number("length_2"))
+@recorded_kernel
+def joint_kernel(r: Recorder, arena: Arena, length_1: float, length_2: float) -> None:
+    """Compute each lane's joint angles and rates of the rigid arm on the reference."""
     r.write(
         "REFERENCE_JOINTS",
-        joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
+        joint_aim((length_1, length_2), r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
     )
-    return r
-
-
-@recorded_kernel(joint_record)
-def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
-    """Compute each lane's joint angles and rates of the rigid arm on the reference."""

@@ -17,14 +17,22 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.reference import cache_segment, invalidate_segment, on_segment
 from flexarm_env.kernels.tableau import EXPLICIT, GAMMA, IMEX_STAGES, IMPLICIT, NODES
-from flexarm_env.kernels.variants import Block, Variant, variant
+from flexarm_env.kernels.variants import Block, variant
 from flexarm_env.physics.polyline import chord_at
 
 
-def law_record(variant: Variant) -> Recorder:
-    """Record one stage of the closed loop."""
-    r = Recorder(variant)
-    h, ahead = r.trace.number("h"), r.trace.number("ahead")
+@recorded_kernel
+def law_kernel(r: Recorder, arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
+    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
+
+    Args:
+        r: records it.
+        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        h: step [s].
+        ahead: time of the stage after the step's start [s].
+        explicit: coefficients of the stages before, explicit part.
+        implicit: the same, implicit part.
+    """
     y, v_known = r.read("Y"), r.read("V")
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
@@ -36,27 +44,13 @@ def law_record(variant: Variant) -> Recorder:
     law = r.law()
     here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])
-    options = (variant.complete, variant.sensor if variant.law_on_sensor else "rigid", variant.rate_jacobian)
+    options = (r.variant.complete, r.variant.sensor if r.variant.law_on_sensor else "rigid", r.variant.rate_jacobian)
     stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * GAMMA)
     r.write("Y_STAGE", y)
     r.write("V_STAGE", stage.v)
     r.write("MECHANICAL", stage.mechanical)
     r.write("FEEDBACK", stage.feedback)
     r.write("TAU", stage.tau)
-    return r
-
-
-@recorded_kernel(law_record)
-def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
-    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
-
-    Args:
-        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
-        h: step [s].
-        ahead: time of the stage after the step's start [s].
-        explicit: coefficients of the stages before, explicit part.
-        implicit: the same, implicit part.
-    """
 
 
 def prepare_commands(block: Block, h: float) -> None:

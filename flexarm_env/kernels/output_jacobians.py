@@ -15,27 +15,21 @@ from flexarm_env.codegen.tangents import tangents, value, varied
 from flexarm_env.kernels.layout import OUTPUTS, row
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import States, load_rows
-from flexarm_env.kernels.variants import Variant, variant
+from flexarm_env.kernels.variants import variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import sensing
 
 
-def output_record(variant: Variant) -> Recorder:
-    """Record the outputs of a public state, and their derivatives."""
-    r = Recorder(variant)
-    k, ways = r.constants(), range(2 * variant.size)
+@recorded_kernel
+def output_kernel(r: Recorder, arena: Arena) -> None:
+    """Compute the outputs of every lane, and their derivatives, from STATE."""
+    k, ways = r.constants(), range(2 * r.variant.size)
     state = varied(r.read("STATE"), ways)
-    y, v = (dyn.internal_coordinates(k, half) for half in (state[: variant.size], state[variant.size :]))
+    y, v = (dyn.internal_coordinates(k, half) for half in (state[: r.variant.size], state[r.variant.size :]))
     parts = sensing.outputs(k, r.place("TIP"), r.place("SENSOR_POINT"), y, v)
     found = [x for part in parts for x in part]
     r.write("OUTPUTS", [value(x) for x in found])
     r.write("OUTPUT_SLOPES", [tangents(x).get(way, 0.0) for x in found for way in ways])
-    return r
-
-
-@recorded_kernel(output_record)
-def output_kernel(arena: Arena) -> None:
-    """Compute the outputs of every lane, and their derivatives, from STATE."""
 
 
 def run_outputs(arena: Arena, states: States, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> None:

@@ -1,6 +1,6 @@
 """Records formulas for a kernel module: straight-line code over the lanes of an arena (`codegen.tracing`).
 
-A recorded kernel (`recorded`) is declared by its signature and its record, and called like any driver.
+A recorded kernel (`recorded`) is declared by a formula that takes a recorder first, and called like any driver.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, cast
 
 from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
@@ -23,7 +23,6 @@ from flexarm_env.physics.modal_elimination import Elimination
 from flexarm_env.physics.sensing import Mount
 
 P = ParamSpec("P")
-R = TypeVar("R")
 
 
 class Recorder:
@@ -142,20 +141,26 @@ def _elementary(formula: Callable[..., Any]) -> Callable[[Variant], Recording]:
     return record
 
 
-def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable[P, R]], Recorded[P, R]]:
-    """Declare a kernel by its signature and its record; an argument with a default is dropped if nothing reads it."""
+def recorded_by(make: Callable[[Variant], Any]) -> Callable[[Callable[Concatenate[Any, P], None]], Recorded[P, None]]:
+    """Declare a kernel by its formula: a function of a recorder and of the kernel's arguments; numbers are symbols.
 
-    def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """Declare the kernel of a signature."""
-        parameters = inspect.signature(signature).parameters
+    An argument with a default is dropped if nothing reads it.
+
+    Args:
+        make: makes the recorder.
+    """
+
+    def declare(formula: Callable[Concatenate[Any, P], None]) -> Recorded[P, None]:
+        _, *parameters = inspect.signature(formula).parameters.values()
 
         def recording(variant: Variant) -> Recording:
-            r = record(variant)
-            return r.recording(
-                [name for name, one in parameters.items() if one.default is one.empty or r.trace.reads(name)]
-            )
+            r: Recorder = make(variant)
+            numbers = (r.trace.number(one.name) if one.annotation in (float, "float") else None for one in parameters)
+            formula(r, *numbers)  # type: ignore[arg-type, call-arg]
+            read = (one.name for one in parameters if one.default is one.empty or r.trace.reads(one.name))
+            return r.recording(list(read))
 
-        return Recorded(signature, recording)
+        return Recorded(cast(Callable[P, None], formula), recording)
 
     return declare
 
@@ -184,6 +189,7 @@ def sine_of_theta2(variant: Variant, k: Constants, y: Sequence[Any]) -> Any:
     return None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
 
 
+recorded_kernel = recorded_by(Recorder)
 # What recorded kernels may call, by name.
 _FUNCTIONS: dict[str, Callable[[Variant], Recording]] = {
     recorded_name(formula): _elementary(formula) for formula in map(inspect.unwrap, (sincos, exp_minus, arctan2))

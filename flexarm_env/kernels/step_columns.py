@@ -12,7 +12,7 @@ from typing import Any
 
 from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.kernels.layout import slope_sizes
-from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_by
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import linear_algebra
@@ -69,70 +69,65 @@ class ColumnRecorder(Recorder):
         return self.times(self.slopes("force_by_v", stage), v, force)
 
 
-def column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """Record the classical Runge-Kutta method of the linear system of one column, of positions and momenta."""
-    r = ColumnRecorder(variant, with_input)
-    h, start = r.trace.number("h"), [*r.y, *r.other]
+_column = partial(ColumnRecorder, with_input=False)
+_input_column = partial(ColumnRecorder, with_input=True)
+
+
+def carry(r: ColumnRecorder, h: Any) -> None:
+    """Apply the classical Runge-Kutta method to the linear system of a column, of positions and momenta."""
+    start = [*r.y, *r.other]
     stage, total = start, [0.0] * len(start)
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
-        y, p = stage[: variant.size], stage[variant.size :]
+        y, p = stage[: r.variant.size], stage[r.variant.size :]
         v = r.rates(number, y, p)
         slope = [*v, *r.forces(number, y, v)]
         total = plus_scaled(total, weight, slope)
         stage = plus_scaled(start, h * next_node, slope)
     r.store("column", plus_scaled(start, h / 6.0, total))
-    return r
 
 
-def begin_column_record(variant: Variant) -> Recorder:
-    """Record a period's begin for a column: of the momenta, from that of the rates."""
-    r = ColumnRecorder(variant, False)
-    bent = linear_algebra.symmetric_times(r.slopes("mass", 0), r.other)
-    p = [a + b for a, b in zip(bent, r.momentum_change(0, r.y), strict=True)]
-    r.store("column", p, variant.size)
-    return r
-
-
-def end_column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """Record a period's end for a column: of the rates, from that of the momenta."""
-    r = ColumnRecorder(variant, with_input)
-    r.store("column", r.rates(0, r.y, r.other), variant.size)
-    return r
-
-
-@recorded_kernel(column_record)
-def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
+@recorded_by(_column)
+def column_kernel(r: ColumnRecorder, column: LaneRows, slopes: LaneRows, h: float) -> None:
     """Carry one column of every lane over a step.
 
     Args:
+        r: records it.
         column: of positions and momenta, before and after. Shape (2 * size, lanes).
         slopes: those of all stages, one after the other (`layout.slope_sizes`). Shape (stages * slope_rows, lanes).
         h: step [s].
     """
+    carry(r, h)
 
 
-@recorded_kernel(partial(column_record, with_input=True))
-def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
+@recorded_by(_input_column)
+def input_column_kernel(r: ColumnRecorder, column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
     """Carry one column of every lane over a step, of an input that acts all the time.
 
     Args:
+        r: records it.
         column: see `column_kernel`.
         slopes: see `column_kernel`.
         input: `slopes` from the first of this input on.
         h: step [s].
     """
+    carry(r, h)
 
 
-@recorded_kernel(begin_column_record)
-def begin_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
+@recorded_by(_column)
+def begin_column_kernel(r: ColumnRecorder, column: LaneRows, slopes: LaneRows) -> None:
     """Turn a column of positions and rates into one of positions and momenta; see `column_kernel`."""
+    bent = linear_algebra.symmetric_times(r.slopes("mass", 0), r.other)
+    p = [a + b for a, b in zip(bent, r.momentum_change(0, r.y), strict=True)]
+    r.store("column", p, r.variant.size)
 
 
-@recorded_kernel(end_column_record)
-def end_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
+@recorded_by(_column)
+def end_column_kernel(r: ColumnRecorder, column: LaneRows, slopes: LaneRows) -> None:
     """Turn a column of positions and momenta into one of positions and rates; see `column_kernel`."""
+    r.store("column", r.rates(0, r.y, r.other), r.variant.size)
 
 
-@recorded_kernel(partial(end_column_record, with_input=True))
-def input_end_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows) -> None:
+@recorded_by(_input_column)
+def input_end_column_kernel(r: ColumnRecorder, column: LaneRows, slopes: LaneRows, input: LaneRows) -> None:
     """`end_column_kernel` of an input that acts all the time; see `input_column_kernel`."""
+    r.store("column", r.rates(0, r.y, r.other), r.variant.size)

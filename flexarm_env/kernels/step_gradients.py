@@ -29,7 +29,7 @@ from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import ArmTable, States, internal_place, load_arms, load_rows, load_states
 from flexarm_env.kernels.step_jacobians import RK4_STAGES, stage_angles, stages_kernel
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
-from flexarm_env.kernels.variants import Variant, variant
+from flexarm_env.kernels.variants import variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.linear_algebra import plus_scaled
@@ -45,75 +45,64 @@ def trail_rows(size: int, steps: int) -> int:
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
-def stage_gradient_record(variant: Variant) -> Recorder:
-    """Record the way back through one stage."""
-    r = Recorder(variant)
-    size = variant.size
-    weight, ahead = r.trace.number("weight"), r.trace.number("ahead")
+def pulled_back(weights: Sequence[Any], numbers: Sequence[Any], ways: Sequence[tuple[str, int]]) -> list[Any]:
+    """Return the derivatives of a weighted sum of numbers."""
+    return [linear_algebra.dot(weights, [tangents(number).get(way, 0.0) for number in numbers]) for way in ways]
+
+
+@recorded_kernel
+def stage_gradient_kernel(r: Recorder, arena: Arena, stage: LaneRows, weight: float, ahead: float) -> None:
+    """Take the gradient of every lane back through a stage.
+
+    Args:
+        r: records it.
+        arena: of one block; the gradient of the stage after this one in STAGE_GRADIENT, which receives the stage's own.
+        stage: its coordinates and rates. Shape (2 * size, lanes).
+        weight: of the stage in the step [s].
+        ahead: time of the stage after it from the step's start; 0 for the last one [s].
+    """
+    size = r.variant.size
     numbers, k = r.rows_of("stage", 2 * size), r.constants()
     y, v = numbers[:size], numbers[size:]
     by_rate = plus_scaled([weight * a for a in r.read("GRADIENT")], ahead, r.read("STAGE_GRADIENT"))
     by_force = by_rate[size:]
-    kinds = {kind: [way for way in slope_ways(variant.modes) if way[0] == kind] for kind in ("y", "v")}
+    kinds = {kind: [way for way in slope_ways(r.variant.modes) if way[0] == kind] for kind in ("y", "v")}
     dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
-    angles = stage_angles(variant, k, dual_y)
-    force = dyn.momentum_rate(k, variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
+    angles = stage_angles(r.variant, k, dual_y)
+    force = dyn.momentum_rate(k, r.variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
     by_v = [a + b for a, b in zip(by_rate[:size], pulled_back(by_force, force, kinds["v"]), strict=True)]
-    mass = dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2])
+    mass = dyn.mass_matrix(k, y, *stage_angles(r.variant, k, y)[:2])
     by_p = linear_algebra.solve(linear_algebra.factor(mass), by_v)
     momenta = dyn.momentum(k, dual_y, v, *angles[:2])
     by_y = [
         a - b
         for a, b in zip(pulled_back(by_force, force, kinds["y"]), pulled_back(by_p, momenta, kinds["y"]), strict=True)
     ]
-    by_state = [-by_y[variant.modes], *by_y, *by_p]  # a1 acts through a2 - a1 alone
+    by_state = [-by_y[r.variant.modes], *by_y, *by_p]  # a1 acts through a2 - a1 alone
     by_torque = [linear_algebra.dot(by_force, dyn.generalised_torque(k, tau)) for tau in ((1.0, 0.0), (0.0, 1.0))]
     r.write("STAGE_GRADIENT", by_state)
     for name, change in (("GRADIENT_CHANGE", by_state), ("TORQUE_GRADIENT", by_torque)):
         r.write(name, [a + b for a, b in zip(r.read(name), change, strict=True)])
-    return r
 
 
-def begin_gradient_record(variant: Variant) -> Recorder:
-    """Record the way back through the momenta at a period's begin."""
-    r = Recorder(variant)
-    size, k = variant.size, r.constants()
-    numbers, whole = r.rows_of("stage", 2 * size), r.read("GRADIENT")
-    y, v, by_p = numbers[:size], numbers[size:], whole[size:]
-    ways = [way for way in slope_ways(variant.modes) if way[0] == "y"]
-    dual_y = [y[0], *varied(y[1:], ways)]
-    found = pulled_back(by_p, dyn.momentum(k, dual_y, v, *stage_angles(variant, k, dual_y)[:2]), ways)
-    by_v = dyn.momentum(k, y, by_p, *stage_angles(variant, k, y)[:2])
-    by_y = [-found[variant.modes], *found]
-    r.write("GRADIENT", [*(a + b for a, b in zip(whole[:size], by_y, strict=True)), *by_v])
-    return r
-
-
-def pulled_back(weights: Sequence[Any], numbers: Sequence[Any], ways: Sequence[tuple[str, int]]) -> list[Any]:
-    """Return the derivatives of a weighted sum of numbers."""
-    return [linear_algebra.dot(weights, [tangents(number).get(way, 0.0) for number in numbers]) for way in ways]
-
-
-@recorded_kernel(stage_gradient_record)
-def stage_gradient_kernel(arena: Arena, stage: LaneRows, weight: float, ahead: float) -> None:
-    """Take the gradient of every lane back through a stage.
-
-    Args:
-        arena: of one block; the gradient of the stage after this one in STAGE_GRADIENT, which receives the stage's own.
-        stage: its coordinates and rates. Shape (2 * size, lanes).
-        weight: of the stage in the step [s].
-        ahead: time of the stage after it from the step's start; 0 for the last one [s].
-    """
-
-
-@recorded_kernel(begin_gradient_record)
-def begin_gradient_kernel(arena: Arena, stage: LaneRows) -> None:
+@recorded_kernel
+def begin_gradient_kernel(r: Recorder, arena: Arena, stage: LaneRows) -> None:
     """Turn GRADIENT, by positions and momenta of a period's begin, into that by positions and rates.
 
     Args:
+        r: records it.
         arena: of one block.
         stage: coordinates and rates of the first stage. Shape (2 * size, lanes).
     """
+    size, k = r.variant.size, r.constants()
+    numbers, whole = r.rows_of("stage", 2 * size), r.read("GRADIENT")
+    y, v, by_p = numbers[:size], numbers[size:], whole[size:]
+    ways = [way for way in slope_ways(r.variant.modes) if way[0] == "y"]
+    dual_y = [y[0], *varied(y[1:], ways)]
+    found = pulled_back(by_p, dyn.momentum(k, dual_y, v, *stage_angles(r.variant, k, dual_y)[:2]), ways)
+    by_v = dyn.momentum(k, y, by_p, *stage_angles(r.variant, k, y)[:2])
+    by_y = [-found[r.variant.modes], *found]
+    r.write("GRADIENT", [*(a + b for a, b in zip(whole[:size], by_y, strict=True)), *by_v])
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------

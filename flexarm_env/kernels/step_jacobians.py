@@ -64,10 +64,23 @@ ARM_QUANTITY_COUNT = len(ARM_QUANTITIES)
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
-def stages_record(variant: Variant) -> Recorder:
-    """Record a step: coordinates and rates of its stages, and its end."""
-    r = Recorder(variant)
-    h, k, y, p = r.trace.number("h"), r.constants(), r.read("Y"), r.read("P")
+def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """Return the cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
+    sin, cos = sincos(dyn.elbow_turn(y))
+    return cos, sin, sine_of_theta2(variant, k, y)
+
+
+@recorded_kernel
+def stages_kernel(r: Recorder, arena: Arena, stages: LaneRows, h: float) -> None:
+    """Take every lane over a step.
+
+    Args:
+        r: records it.
+        arena: of one block.
+        stages: receives coordinates and rates of the stages. Shape (stages * 2 * size, lanes).
+        h: step [s].
+    """
+    k, y, p = r.constants(), r.read("Y"), r.read("P")
     stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
         v = slopes[: len(y)]
@@ -77,68 +90,45 @@ def stages_record(variant: Variant) -> Recorder:
         if next_node is not None:
             stage_y, stage_p = (plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :])))
             slopes = slopes_at(r, stage_y, stage_p)
-    move(r, total)
-    return r
+    move(r, h, total)
 
 
-def slopes_record(variant: Variant) -> Recorder:
-    """Record the slopes of a stage, in the order of `slope_sizes`."""
-    r = Recorder(variant)
-    k, stage = r.constants(), r.rows_of("stage", 2 * variant.size)
-    y, v = stage[: variant.size], stage[variant.size :]
-    kinds = {kind: [way for way in slope_ways(variant.modes) if way[0] == kind] for kind in ("y", "v", "quantity")}
+@recorded_kernel
+def slopes_kernel(r: Recorder, arena: Arena, stage: LaneRows, slopes: LaneRows) -> None:
+    """Compute the slopes of a stage of every lane.
+
+    Args:
+        r: records it.
+        arena: of one block.
+        stage: its coordinates and rates. Shape (2 * size, lanes).
+        slopes: receives them, in the order of `slope_sizes`. Shape (slope_rows, lanes).
+    """
+    k, numbers = r.constants(), r.rows_of("stage", 2 * r.variant.size)
+    y, v = numbers[: r.variant.size], numbers[r.variant.size :]
+    kinds = {kind: [way for way in slope_ways(r.variant.modes) if way[0] == kind] for kind in ("y", "v", "quantity")}
     dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
     dual_k = varied_constants(k, r.constant_derivatives(), kinds["quantity"])
-    angles = stage_angles(variant, dual_k, dual_y)
+    angles = stage_angles(r.variant, dual_k, dual_y)
     momenta = dyn.momentum(dual_k, dual_y, v, *angles[:2])
-    forces = dyn.momentum_rate(dual_k, variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
-    mass = dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2])
-    lower = [mass[i][j] for i in range(variant.size) for j in range(i + 1)]
+    forces = dyn.momentum_rate(dual_k, r.variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
+    mass = dyn.mass_matrix(k, y, *stage_angles(r.variant, k, y)[:2])
+    lower = [mass[i][j] for i in range(r.variant.size) for j in range(i + 1)]
 
     def by(numbers: Sequence[Any], way: tuple[str, int]) -> list[Any]:
         return [tangents(number).get(way, 0.0) for number in numbers]
 
-    inputs = [[*([0.0] * variant.size), *dyn.generalised_torque(k, tau)] for tau in ((1.0, 0.0), (0.0, 1.0))]
+    inputs = [[*([0.0] * r.variant.size), *dyn.generalised_torque(k, tau)] for tau in ((1.0, 0.0), (0.0, 1.0))]
     inputs += [[*by(momenta, way), *by(forces, way)] for way in kinds["quantity"]]
     parts = {
         "mass": lower,
-        "inverse": linear_algebra.inverse(lower, variant.size),
+        "inverse": linear_algebra.inverse(lower, r.variant.size),
         "momentum_by_y": [x for way in kinds["y"] for x in by(momenta, way)],
         "force_by_y": [x for way in kinds["y"] for x in by(forces, way)],
         "force_by_v": [x for way in kinds["v"] for x in by(forces, way)],
         "inputs": [x for numbers in inputs for x in numbers],
     }
-    assert {name: len(values) for name, values in parts.items()} == slope_sizes(variant.modes)
+    assert {name: len(values) for name, values in parts.items()} == slope_sizes(r.variant.modes)
     r.store("slopes", [x for values in parts.values() for x in values])
-    return r
-
-
-def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Return the cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
-    sin, cos = sincos(dyn.elbow_turn(y))
-    return cos, sin, sine_of_theta2(variant, k, y)
-
-
-@recorded_kernel(stages_record)
-def stages_kernel(arena: Arena, stages: LaneRows, h: float) -> None:
-    """Take every lane over a step.
-
-    Args:
-        arena: of one block.
-        stages: receives coordinates and rates of the stages. Shape (stages * 2 * size, lanes).
-        h: step [s].
-    """
-
-
-@recorded_kernel(slopes_record)
-def slopes_kernel(arena: Arena, stage: LaneRows, slopes: LaneRows) -> None:
-    """Compute the slopes of a stage of every lane.
-
-    Args:
-        arena: of one block.
-        stage: its coordinates and rates. Shape (2 * size, lanes).
-        slopes: receives them (`slope_sizes`). Shape (slope_rows, lanes).
-    """
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------

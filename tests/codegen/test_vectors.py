@@ -1,5 +1,6 @@
 """A record in vectors of lanes gives the numbers of the plain formulas."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from flexarm_env.codegen.declarations import Program, plain_python
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
 from flexarm_env.codegen.rows import lane_rows
 from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, root, where_less
-from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_by
 from flexarm_env.kernels.variants import Variant, variant
 
 
@@ -22,15 +23,10 @@ def formula(a: Any, b: Any, h: Any) -> list[Any]:
     return [*plain, *chosen, *sincos(9.0 * a), exp_minus(b), arctan2(a, b), arctan2(-b, a)]
 
 
-def record(variant: Variant) -> Recorder:
-    r = Recorder(variant, inlining=True)
-    r.store("results", formula(*r.rows_of("rows", 2), r.trace.number("h")))
-    return r
-
-
-@recorded_kernel(record)
-def kernel(rows: LaneRows, results: LaneRows, h: float) -> None:
+@recorded_by(partial(Recorder, inlining=True))
+def kernel(r: Recorder, rows: LaneRows, results: LaneRows, h: float) -> None:
     """All results of `formula` on every lane."""
+    r.store("results", formula(*r.rows_of("rows", 2), h))
 
 
 def run(rows: LaneRows, results: LaneRows, h: float) -> None:

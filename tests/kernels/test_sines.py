@@ -17,15 +17,10 @@ from tests.support.rounding import rounded_once
 LANES = 8
 
 
-def sines_record(variant: Variant) -> Recorder:
-    r = Recorder(variant)
-    r.store("results", sincos(r.rows_of("angles", 1)[0]))
-    return r
-
-
-@recorded_kernel(sines_record)
-def sines_kernel(angles: LaneRows, results: LaneRows) -> None:
+@recorded_kernel
+def sines_kernel(r: Recorder, angles: LaneRows, results: LaneRows) -> None:
     """Sine and cosine of an angle on every lane."""
+    r.store("results", sincos(r.rows_of("angles", 1)[0]))
 
 
 def sines_of(angles: LaneRows, results: LaneRows) -> None:
