@@ -23,9 +23,10 @@ from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.disturbances import read_gauges
 from flexarm_env.episode.features import features_kernel, joint_kernel
+from flexarm_env.episode.further_sensors import sense_further
 from flexarm_env.episode.payload import NEAR
 from flexarm_env.episode.race import FINISHED, note_finish
-from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, joint_motion, noise_place, sense, sense_further
+from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, joint_motion, noise_place, sense
 from flexarm_env.kernels.entries import clock_row, segment, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import truth_kernel

@@ -13,9 +13,10 @@ from numpy import floor
 from flexarm_env.codegen.arrays import Arena, Clock, Four, Path, ResetRequest, Table
 from flexarm_env.codegen.elementary import sincos, uniform
 from flexarm_env.codegen.intrinsics import array_at
+from flexarm_env.episode.further_sensors import draw_biases, further_reference
 from flexarm_env.episode.payload import begin_payload, set_constants
 from flexarm_env.episode.race import begin_race
-from flexarm_env.episode.sensor import draw_biases, further_reference, joint_motion, point_on_reference
+from flexarm_env.episode.sensor import joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
 from flexarm_env.kernels.entries import (
     DRAWN_COUNT,

@@ -37,11 +37,6 @@ from flexarm_env.physics.sensing import OUTPUT_SIZES
 OUTPUTS = sum(OUTPUT_SIZES)  # how many numbers
 
 
-def elimination_count(modes: int, foreshortened: bool) -> int:
-    """Return the size of the elimination's data; 0 where it does not apply."""
-    return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
-
-
 def slope_ways(modes: int) -> list[tuple[str, int]]:
     """Return the inputs by which `step_jacobians` differentiates, in their order: kind and place of each."""
     size = 2 * modes + 2
@@ -101,7 +96,7 @@ class Row(Names):
     ELIMINATION = Entry(
         "what follows from them (`Elimination`)",
         "as in `Elimination`",
-        lambda s: elimination_count(s.modes, s.foreshortened),
+        lambda s: 0 if s.foreshortened else linear_algebra.extent(Elimination.sizes(s.modes)),
     )
 
     GAIN = Entry("gain lambda of the paper's law", "1", _law("gain"), _LAW)

@@ -14,7 +14,6 @@ from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
 from flexarm_env.codegen.tracing import Recording, Trace, recorded_name
 from flexarm_env.control import jacobian_transpose
-from flexarm_env.kernels.layout import elimination_count
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
@@ -170,7 +169,7 @@ def _slope(variant: Variant) -> Recording:
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,
-        "e": elimination_count(variant.modes, variant.foreshortened),
+        "e": variant.rows["ELIMINATION"][1],
         "y": size,
         "p": size,
         "turn": 2,

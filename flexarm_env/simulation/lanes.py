@@ -214,7 +214,7 @@ def _lay_out(
         "CLOCKS": np.zeros((blocks, CLOCK_ROWS, width), dtype=np.int64),
         "STARTS": np.zeros(blocks * width, dtype=bool),
     }
-    memory, parts = pack(own | arrays)
+    memory, parts = pack({**own, **arrays})
     header = parts["HEADER"].view(memory)
     sizes = {
         "HEADER_WORDS": len(header),
