@@ -30,7 +30,7 @@ from flexarm_env.envs.observation import common_layout, variant_of
 from flexarm_env.envs.own_paths import moved, shown_rows
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.states import States, Views, Words
+from flexarm_env.envs.states import States, Words
 from flexarm_env.episode.observe import failures
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, segment, word
 from flexarm_env.kernels.layout import sizes_between
@@ -252,11 +252,8 @@ class BatchSimulator(LaneBatch):
 
     @cached_property
     def _states(self) -> States:
-        views = Views(
-            *(self._header, self._view("SETTINGS"), self._arenas, self._histories, self._clocks, self._keys),
-            *(self.observations, self._paths, self._reset_requests[:, self.draws.first :]),
-        )
-        return States(views, self._variant, self._fixed, len(self._plant_state()), self.each)
+        drawn = slice(self.draws.first, None)
+        return States(self._view, drawn, self._variant, self._fixed, len(self._plant_state()), self.each)
 
     def _plant_state(self) -> Array:
         """Return what another engine's plant adds to a state. Shape (k,)."""

@@ -186,18 +186,12 @@ def lane_numbers(settings: Settings, variant: Variant, changes: ConstantChanges 
         "BRANCH": [BRANCH_CODES[s.elbow_branch]],
         "DIRECTION": [DIRECTION_CODES[s.direction]],
         "SENSOR_DELAYS": s.sensor_delays,
-        "BASE": _base(s),
+        # None: each joint has its own delay, `SENSOR_DELAYS`
+        "BASE": [s.own_value(name) if name != "delay" or isinstance(s.delay, float) else NAN for name in DRAWN],
         # those of dry friction come last: 0 where only other episodes have some
         **{name: np.pad(part, (0, variant.constants - len(part))) for name, part in parts.items()},
     }
     return in_order(LaneSetting.layout(variant), values)
-
-
-def _base(settings: Settings) -> list[float]:
-    base = {name: settings.own_value(name) for name in DRAWN}
-    if not isinstance(settings.delay, float):
-        base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
-    return [base[name] for name in DRAWN]
 
 
 def _further_rows(settings: Settings) -> dict[str, Any]:

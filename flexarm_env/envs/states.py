@@ -7,10 +7,10 @@ limits, gains, noise and the ranges of what is drawn are those of the environmen
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -37,77 +37,57 @@ GENERATOR = slice(3, 8)  # the generator of the keys of later episodes (`seeding
 _FIRST = 8
 
 
-class Views(NamedTuple):
-    """A batch's memory, as far as states are concerned.
-
-    Attributes:
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
-        arenas: Shape (blocks, rows, lanes).
-        histories: Shape (blocks, slots, slot rows, lanes).
-        clocks: Shape (blocks, `ClockRow`, lanes).
-        keys: Shape (blocks * lanes,).
-        observations: Shape (blocks * lanes, k), float32.
-        paths: Shape (paths, n, 5).
-        drawn: options and parameters of the arm that episodes draw (`draws`). Shape (blocks * lanes, k).
-    """
-
-    header: NDArray[np.int64]
-    settings: NDArray[np.float64]
-    arenas: NDArray[np.float64]
-    histories: NDArray[np.float64]
-    clocks: NDArray[np.int64]
-    keys: NDArray[np.uint64]
-    observations: NDArray[np.float32]
-    paths: NDArray[np.float64]
-    drawn: NDArray[np.float64]
-
-
 class States:
     """Reads and writes the states of a batch's environments."""
 
     def __init__(
-        self, views: Views, variant: Variant, fixed: frozenset[str], beside: int, each: Sequence[Settings]
+        self,
+        view: Callable[[str], NDArray[Any]],
+        drawn: slice,
+        variant: Variant,
+        fixed: frozenset[str],
+        beside: int,
+        each: Sequence[Settings],
     ) -> None:
         """Find the places of everything.
 
         Args:
-            views: of the batch's memory.
+            view: returns an array of the batch's memory, by its name (`entries.MEMORY`).
+            drawn: columns of the reset requests for options and parameters of the arm that episodes draw (`draws`).
             variant: of its kernels.
             fixed: names of the rows that no episode changes, which stay where they are.
             beside: words that another engine's plant adds.
             each: settings of each environment.
         """
         own = each[0].has_own_path  # each lane has memory for its path
-        self._views = views
-        self._lanes = lanes = views.arenas.shape[2]
-        blocks = len(views.arenas)
-        clocks = [clock_row.STEPS, clock_row.SINCE, clock_row.BEGAN]
-        if not own:
-            clocks.append(clock_row.PATH)
-        parts: list[NDArray[Any]] = [views.keys.reshape(blocks, 1, lanes)]
-        parts += [views.clocks[:, one : one + 1] for one in clocks]
-        parts += [views.arenas[:, low:high] for low, high in _runs(variant, fixed, views.arenas.shape[1])]
-        parts.append(np.moveaxis(views.drawn.reshape(blocks, lanes, views.drawn.shape[1]), 1, 2))
+        self._header, self._observations = view("HEADER"), view("OBSERVATIONS")
+        self._clocks, self._histories = view("CLOCKS"), view("HISTORIES")
+        arenas, paths, requests = view("ARENAS"), view("PATHS"), view("RESET_REQUESTS")[:, drawn]
+        blocks, _, lanes = arenas.shape
+        self._lanes = lanes
+        counts = [clock_row.STEPS, clock_row.SINCE, clock_row.BEGAN, *([] if own else [clock_row.PATH])]
+        parts: list[NDArray[Any]] = [view("KEYS").reshape(blocks, 1, lanes)]
+        parts += [self._clocks[:, one : one + 1] for one in counts]
+        parts += [arenas[:, low:high] for low, high in _runs(variant, fixed, arenas.shape[1])]
+        parts.append(np.moveaxis(requests.reshape(blocks, lanes, requests.shape[1]), 1, 2))
         if own:  # one for each lane
-            parts.append(np.moveaxis(views.paths.reshape(blocks, lanes, -1), 1, 2))
+            parts.append(np.moveaxis(paths.reshape(blocks, lanes, -1), 1, 2))
         self._parts, end = [], _FIRST
         for part in parts:
             # the lane before the number, so that both indices of a lane stand together
             self._parts.append((slice(end, end + part.shape[1]), np.moveaxis(part.view(np.uint64), 2, 1)))
             end += part.shape[1]
-        self._history = slice(end, end + views.histories[0, :, :, 0].size)
-        self._observed = slice(self._history.stop, self._history.stop + (views.observations.shape[1] + 1) // 2)
+        self._history = slice(end, end + self._histories[0, :, :, 0].size)
+        self._observed = slice(self._history.stop, self._history.stop + (self._observations.shape[1] + 1) // 2)
         self._beside = slice(self._observed.stop, self._observed.stop + beside)
         self.size = self._beside.stop
-        header = views.header
-        paths = None if own else views.paths.tobytes()
         meaning = (
             *(_compiled(variant), variant.rows),
             *(sorted(fixed), self.size),  # a set has another order in another process
-            *((name, int(header[getattr(word, name)])) for name in _MEANING),
-            *(header[word.PLACES :].tobytes(), views.paths.shape[1:], paths, views.histories.shape[1:3]),
-            *(float(views.settings[Setting.layout(variant)[name][0]]) for name in ("STEP", "PERIOD")),
+            *((name, int(self._header[getattr(word, name)])) for name in _MEANING),
+            *(self._header[word.PLACES :].tobytes(), paths.shape[1:], None if own else paths.tobytes()),
+            self._histories.shape[1:3],
+            *(float(view("SETTINGS")[Setting.layout(variant)[name][0]]) for name in ("STEP", "PERIOD")),
         )
         kinds = {id(one): one for one in each}
         stamps = {name: _stamp((meaning, _own_meaning(one, fixed))) for name, one in kinds.items()}
@@ -121,18 +101,17 @@ class States:
             generators: see `GENERATOR`. Shape (n, 5).
             beside: of another engine's plant. Shape (`beside`,).
         """
-        views = self._views
         block, lane = np.divmod(rows, self._lanes)
         states = np.empty((len(rows), self.size), dtype=np.uint64)
         states[:, _STAMP] = self._stamps[rows]
-        states[:, _READINGS] = views.header[word.KEPT_READINGS : word.KEPT_READINGS + 1].view(np.uint64)
+        states[:, _READINGS] = self._header[word.KEPT_READINGS : word.KEPT_READINGS + 1].view(np.uint64)
         states[:, GENERATOR] = generators
         for place, part in self._parts:
             states[:, place] = part[block, lane]
-        history = views.histories[block[:, None], self._slots(block), :, lane[:, None]]
+        history = self._histories[block[:, None], self._slots(block), :, lane[:, None]]
         states[:, self._history] = history.reshape(len(rows), -1).view(np.uint64)
         observed = np.zeros((len(rows), 2 * (self._observed.stop - self._observed.start)), dtype=np.float32)
-        observed[:, : views.observations.shape[1]] = views.observations[rows]
+        observed[:, : self._observations.shape[1]] = self._observations[rows]
         states[:, self._observed] = observed.view(np.uint64)
         states[:, self._beside] = beside.view(np.uint64)
         states[:, _CHECK] = [_sum(state) for state in states]
@@ -148,18 +127,17 @@ class States:
         Returns:
             What another engine's plant has added to the first of the states. Shape (`beside`,).
         """
-        views = self._views
-        views.header[word.KEPT_READINGS] |= np.bitwise_or.reduce(states[:, _READINGS]).view(np.int64)
-        history = states[:, self._history].view(np.float64).reshape(len(states), *views.histories.shape[1:3])
+        self._header[word.KEPT_READINGS] |= np.bitwise_or.reduce(states[:, _READINGS]).view(np.int64)
+        history = states[:, self._history].view(np.float64).reshape(len(states), *self._histories.shape[1:3])
         observed = states[:, self._observed].copy().view(np.float32)
-        views.observations[rows] = observed[:, : views.observations.shape[1]]
+        self._observations[rows] = observed[:, : self._observations.shape[1]]
         for block, lanes, chosen in self._shares(rows):
             some = slice(None) if len(states) == 1 else chosen
             for place, part in self._parts:
                 part[block][lanes] = states[some, place]
             ring = np.empty_like(history[some])
             ring[:, self._slots(np.array([block]))[0]] = history[some]
-            np.moveaxis(views.histories[block], 2, 0)[lanes] = ring
+            np.moveaxis(self._histories[block], 2, 0)[lanes] = ring
         return states[0, self._beside].view(np.float64)
 
     def _shares(self, rows: Indices) -> Iterator[tuple[int, Any, Any]]:
@@ -176,8 +154,8 @@ class States:
 
     def _slots(self, block: Indices) -> Indices:
         """Return the slots of the delay lines of some blocks, the newest first. Shape (n, slots)."""
-        count = self._views.histories.shape[1]
-        return (self._views.clocks[block, clock_row.HEAD, 0][:, None] - np.arange(count)) % count
+        count = self._histories.shape[1]
+        return (self._clocks[block, clock_row.HEAD, 0][:, None] - np.arange(count)) % count
 
     def checked(self, given: Any, rows: Indices) -> Words:
         """Return states as `write` takes them.

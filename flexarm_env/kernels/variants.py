@@ -162,28 +162,25 @@ class Variant:
     @property
     def description(self) -> str:
         """Description for the user who waits for the compiler."""
-        parts = [self.program.description]
-        parts.append("one environment" if self.lanes == 1 else f"blocks of {self.lanes} environments")
-        parts.append("1 mode a link" if self.modes == 1 else f"{self.modes} modes a link")
-        if not self.complete:
-            parts.append("the paper's velocity forces")
-        if self.foreshortened:
-            parts.append("foreshortened links")
-        if self.true_sensor:
-            parts.append("true tip sensed")
-        if self.law and self.law_on_sensor:
-            parts.append("law on the late sensor")
-        if self.own_paths:
-            parts.append("drawn paths")
-        if self.disturbed:
-            parts.append("disturbances")
-        if self.dry:
-            parts.append("dry friction")
-        if self.motors:
-            parts.append("motors")
-        if self.payloads:
-            parts.append(f"{self.payloads} changes of the payload")
-        parts += ["pulses of force"] * self.pulses + ["gauges that drift"] * self.drifting
+        parts = [
+            self.program.description,
+            "one environment" if self.lanes == 1 else f"blocks of {self.lanes} environments",
+            "1 mode a link" if self.modes == 1 else f"{self.modes} modes a link",
+        ]
+        further = {
+            "the paper's velocity forces": not self.complete,
+            "foreshortened links": self.foreshortened,
+            "true tip sensed": self.true_sensor,
+            "law on the late sensor": self.law and self.law_on_sensor,
+            "drawn paths": self.own_paths,
+            "disturbances": self.disturbed,
+            "dry friction": self.dry,
+            "motors": self.motors,
+            f"{self.payloads} changes of the payload": self.payloads,
+            "pulses of force": self.pulses,
+            "gauges that drift": self.drifting,
+        }
+        parts += [text for text, has in further.items() if has]
         parts += [f"a sensor of {quantity} on link {link}" for quantity, link in self.sensors]
         return ", ".join(parts)
 

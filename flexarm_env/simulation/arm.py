@@ -7,7 +7,6 @@ theta2 that of link 2's root tangent from the tangent at link 1's tip. Symbols a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -94,7 +93,11 @@ class FlexibleArm(FeedbackTorque):
         q, rates = self._coordinates("q", q), self._coordinates("rates", rates)
         coordinates.check_leading(q=q.shape[:-1], rates=rates.shape[:-1])
         q, rates = np.broadcast_arrays(q, rates)
-        h = self._velocity_forces(self._geometry(q), self._internal(rates))
+        (y, cos, sin, sin_theta2), v = self._geometry(q), self._internal(rates)
+        if self._complete:
+            h = dyn.velocity_forces(self.constants, y, v, cos, sin)
+        else:
+            h = dyn.rigid_velocity_forces(self.constants, v, sin_theta2)
         return coordinates.stack(h) @ self._to_internal
 
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
@@ -102,7 +105,10 @@ class FlexibleArm(FeedbackTorque):
         q, rates = self._split(state)
         tau = finite_rows("torque", torque, 2, LARGEST)
         coordinates.check_leading(state=q.shape[:-1], torque=tau.shape[:-1])
-        return self._public_acceleration(q, rates, list(np.moveaxis(tau, -1, 0)))
+        y, cos, sin, sin_theta2 = self._geometry(q)
+        arm, angles = (self.constants, self._elimination, self._complete), (cos, sin, sin_theta2)
+        internal = dyn.acceleration(*arm, y, self._internal(rates), list(np.moveaxis(tau, -1, 0)), angles)
+        return coordinates.stack(internal) @ self._to_public.T
 
     def energy(self, state: ArrayLike) -> Energy:
         """Return the kinetic and strain energy [J]. Shape (...) each."""
@@ -317,18 +323,6 @@ class FlexibleArm(FeedbackTorque):
         y = self._internal(q)
         between = y[self.parameters.modes_per_link + 1] - y[0]
         return y, np.cos(between), np.sin(between), np.sin(q[..., 1])
-
-    def _velocity_forces(self, geometry: tuple[list[Any], Any, Any, Any], v: list[Any]) -> list[Any]:
-        y, cos, sin, sin_theta2 = geometry
-        if self._complete:
-            return dyn.velocity_forces(self.constants, y, v, cos, sin)
-        return dyn.rigid_velocity_forces(self.constants, v, sin_theta2)
-
-    def _public_acceleration(self, q: Array, rates: Array, tau: Sequence[Any]) -> Array:
-        y, cos, sin, sin_theta2 = self._geometry(q)
-        arm, angles = (self.constants, self._elimination, self._complete), (cos, sin, sin_theta2)
-        internal = dyn.acceleration(*arm, y, self._internal(rates), tau, angles)
-        return coordinates.stack(internal) @ self._to_public.T
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position of a material point and its Jacobian with respect to q."""

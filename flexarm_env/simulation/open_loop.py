@@ -29,7 +29,7 @@ TorqueFunction = Callable[[float, Array], ArrayLike]
 # no power of it that they form overflows.
 LARGEST = 1e12
 MOST_INSTANTS = 10_000_000  # of a run: a trajectory of one arm with two modes then takes 2 GB
-MOST_STEPS = 100_000_000  # integration steps of a run: torques held over them take 1.6 GB
+MOST_STEPS = 100_000_000  # integration steps of a run: they take minutes
 
 
 class OpenLoop:
