@@ -72,14 +72,15 @@ def present(folder: Path, timed: bool = False) -> None:
 
 
 def check(given: argparse.Namespace) -> None:
-    """Refuse to show less than the whole board on the page."""
-    if not given.docs:
+    """Refuse to show less than the whole board on the page, and a choice of what is measured where nothing is."""
+    whole = f"{'no_measure' if given.no_measure else 'docs'} = True: the page shows the whole board"
+    chosen = given.entries or given.without or given.add or tuple(given.columns) != tuple(COLUMNS)
+    if chosen and (given.no_measure or given.docs):
+        raise ValueError(f"{whole}; must go without entries, without, add and columns")
+    if given.no_measure or not given.docs:
         return
-    if given.entries or given.without or given.add or tuple(given.columns) != tuple(COLUMNS):
-        wrong = "docs = True: the page shows the whole board"
-        raise ValueError(f"{wrong}; must go without entries, without, add and columns")
     if left_out := measurable(COLUMNS)[1]:
-        raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
+        raise ValueError(f"{whole}; {left_out}")
     if not (given.times or (given.output / TIMES).is_file()):
         raise ValueError(f"docs = True: {given.output} has no {TIMES}; must go with times")
 
@@ -100,10 +101,10 @@ def parser() -> Reader:
 def main() -> None:
     """Command line."""
     given = parser().parse_args()
+    check(given)
     if given.no_measure:
         present(given.output / "presented", given.times)
         return
-    check(given)
     entries, results, board, failed = measured(given)
     if given.times:
         time_entries(entries, given.output)

@@ -32,7 +32,7 @@ from flexarm_env.physics.paths import by_distance, square
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.simulation.limits import rest_state
-from flexarm_env.validation import number
+from flexarm_env.validation import integer, number
 from scripts.common.command_line import read_options, run
 
 PERIOD, SPEED, ACCELERATION = 0.01, 25.0, 90.0  # [s, m/s, m/s^2]; the environment allows a little more acceleration
@@ -223,6 +223,8 @@ def main() -> None:
     """Command line."""
     options, race = read_options("python -m scripts.optimise.race", Options()), Race()
     number("slower", options.slower, least=0.0)
+    integer("passes", options.passes, 1)
+    integer("rounds", options.rounds, 1)
     options.output.mkdir(parents=True, exist_ok=True)
     if options.slower > 0.0:
         plan, file = steady(race, options.slower), options.output / "steady.npz"
