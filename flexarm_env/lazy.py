@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 import sys
+from typing import TYPE_CHECKING, Any
 
-if sys.version_info >= (3, 12):
+if TYPE_CHECKING or sys.version_info >= (3, 12):
     from functools import cached_property
 else:
-    from collections.abc import Callable
-    from typing import Any, Generic, TypeVar, overload
 
-    T = TypeVar("T")
-
-    class cached_property(Generic[T]):  # noqa: N801  (functools' own name)
+    class cached_property(functools.cached_property):  # noqa: N801  (its own name)
         """Works like functools' of Python 3.12 and later.
 
         Before, functools' holds one lock for all objects while it computes a value. A process that another thread forks
         meanwhile inherits the lock as taken, and nothing releases it there.
         """
 
-        def __init__(self, function: Callable[[Any], T]) -> None:
-            self._function = function
-            self.__doc__ = function.__doc__
-
-        def __set_name__(self, owner: type, name: str) -> None:
-            self._name = name
-
-        @overload
-        def __get__(self, instance: None, owner: type | None = None) -> cached_property[T]: ...
-        @overload
-        def __get__(self, instance: object, owner: type | None = None) -> T: ...
-        def __get__(self, instance: object | None, owner: type | None = None) -> cached_property[T] | T:
+        def __get__(self, instance: Any, owner: type | None = None) -> Any:
             """Compute the value and put it into the object's `__dict__`, where Python looks first."""
             if instance is None:
                 return self
-            value = instance.__dict__[self._name] = self._function(instance)
+            value = instance.__dict__[self.attrname] = self.func(instance)
             return value
 
 

@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
 from flexarm_env.parameters import LawParameters, SensorParameters, SensorTraits
-from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, finite_array, instance, number
@@ -87,7 +86,7 @@ class LawLoop:
 
     def undelayed_poles(self) -> Complex:
         """Return the poles of the loop without any delay [rad/s]."""
-        linear = self._linear
+        linear = self.point.linearisation
         total = sum((np.hstack([t.P, t.V]) for t in self.terms), start=np.zeros((2, len(linear.A))))
         return np.linalg.eigvals(linear.A - self.gain * linear.B @ total).astype(complex)
 
@@ -105,9 +104,7 @@ class LawLoop:
         Returns:
             For current, shoulder, elbow. Shape (k, 3, 2, 2).
         """
-        s, dynamic, _ = self._dynamics(omega)
-        half = self.point.arm.size
-        response = np.linalg.solve(dynamic, np.broadcast_to(self._action, (len(s), half, 2)))
+        s, response, *_ = self._response(omega)
         return np.stack([self.gain * (t.P + s * t.V) @ response for t in self.terms], axis=1)
 
     def loop_transfer(self, omega: Array) -> Complex:
@@ -117,9 +114,7 @@ class LawLoop:
 
     def loop_slope(self, omega: Array) -> Complex:
         """Return dL/ds at s = j omega. Shape (k, 2, 2)."""
-        s, dynamic, dynamic_slope = self._dynamics(omega)
-        half = self.point.arm.size
-        response = np.linalg.solve(dynamic, np.broadcast_to(self._action, (len(s), half, 2)))
+        s, response, dynamic, dynamic_slope = self._response(omega)
         response_slope = -np.linalg.solve(dynamic, dynamic_slope @ response)
         total = np.zeros((len(s), 2, 2), dtype=complex)
         for term, delay in zip(self.terms, self._delays, strict=True):
@@ -131,21 +126,17 @@ class LawLoop:
     def _delays(self) -> Array:
         return self.delay * np.array([0.0, 1.0, self.ratio])
 
-    @property
-    def _linear(self) -> Linearisation:
-        return self.point.linearisation
+    def _response(self, omega: Array) -> tuple[Complex, Complex, Complex, Complex]:
+        """Return s, Shape (k, 1, 1), and the coordinates' response to torques, Shape (k, n, 2).
 
-    @property
-    def _action(self) -> Array:
-        return self._linear.B[self.point.arm.size :]
-
-    def _dynamics(self, omega: Array) -> tuple[Complex, Complex, Complex]:
-        """Return s, and ``s^2 - s A22 - A21`` with its derivative. Shape (k, 1, 1), (k, n, n), (k, n, n)."""
-        half = self.point.arm.size
+        Then the matrix ``s^2 - s A22 - A21`` that it inverts, and its derivative, Shape (k, n, n) each.
+        """
+        linear, half = self.point.linearisation, self.point.arm.size
         s = np.asarray(1j * np.asarray(omega)[:, None, None], dtype=complex)
-        damping, eye = self._linear.A[half:, half:], np.eye(half)
-        dynamic = np.asarray(s**2 * eye - s * damping - self._linear.A[half:, :half], dtype=complex)
-        return s, dynamic, np.asarray(2.0 * s * eye - damping, dtype=complex)
+        damping, eye = linear.A[half:, half:], np.eye(half)
+        dynamic = np.asarray(s**2 * eye - s * damping - linear.A[half:, :half], dtype=complex)
+        response = np.linalg.solve(dynamic, np.broadcast_to(linear.B[half:], (len(s), half, 2)))
+        return s, response, dynamic, np.asarray(2.0 * s * eye - damping, dtype=complex)
 
 
 def law_loop(

@@ -13,6 +13,7 @@ and MuJoCo takes the step with it. First order in h, stable for any C.
 from __future__ import annotations
 
 from math import cos, inf, sin
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,6 +23,7 @@ from flexarm_env.chain.links import Chain
 from flexarm_env.chain.model import dampers
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.parameters import LawParameters
+from flexarm_env.physics.sensing import rigid_jacobian, rigid_point
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -104,9 +106,7 @@ class TipLaw:
         mujoco.mj_fullM(self.chain.model, self.chain.data, self._mass)
         return np.linalg.solve(self._mass + self._dampers, self._right.T).T
 
-    def _rigid(self, theta1: float, theta2: float) -> tuple[Pair, tuple[Pair, Pair]]:
-        length_1, length_2 = self._lengths
-        near = length_1 * cos(theta1), length_1 * sin(theta1)
-        far = length_2 * cos(theta1 + theta2), length_2 * sin(theta1 + theta2)
-        tip = near[0] + far[0], near[1] + far[1]
-        return tip, ((-tip[1], tip[0]), (-far[1], far[0]))
+    def _rigid(self, theta1: float, theta2: float) -> tuple[Any, Any]:
+        """Return the controlled point by rigid kinematics, and its Jacobian's columns."""
+        one, both = ((sin(angle), cos(angle)) for angle in (theta1, theta1 + theta2))
+        return rigid_point(*self._lengths, one, both), rigid_jacobian(*self._lengths, one, both)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import internal_coordinates, joint_angles, public_coordinates
 from flexarm_env.physics.link_modes import LinkModes
+from flexarm_env.physics.sensing import rigid_point
 
 Array = NDArray[np.float64]
 
@@ -98,10 +99,8 @@ def material_point(
 
 def rigid_tip(lengths: tuple[float, float], q: Array) -> Array:
     """Return the tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
-    first, both = q[..., 0], q[..., 0] + q[..., 1]
-    x = lengths[0] * np.cos(first) + lengths[1] * np.cos(both)
-    y = lengths[0] * np.sin(first) + lengths[1] * np.sin(both)
-    return np.stack([x, y], axis=-1)
+    one, both = ((np.sin(angle), np.cos(angle)) for angle in (q[..., 0], q[..., 0] + q[..., 1]))
+    return stack(rigid_point(*lengths, one, both))
 
 
 def _link_point(link: LinkModes, foreshortened: bool, y: Array, s: Array) -> tuple[Array, Array]:
