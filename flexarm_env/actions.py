@@ -186,12 +186,7 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
 
 
 def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
-    """Convert a physical value to the action in [-1, 1] that stands for it; the inverse of `physical_from_action`.
-
-    Args:
-        mode: see there.
-        value: in the mode's unit, within the limit. Shape (..., channels).
-        limit: see there.
+    """Convert a physical value to the action in [-1, 1] that stands for it: invert `physical_from_action`, see there.
 
     Returns:
         ``value / limit``, or where the action -1 stands for 0, `action_from_gain`. Shape of ``value``.

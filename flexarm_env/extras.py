@@ -44,11 +44,7 @@ def _source() -> str:
 
 @contextmanager
 def needs_extra(what: str, extra: str) -> Iterator[None]:
-    """Turn a failed import within `with` into an error that says what to install.
-
-    Args:
-        what: what needs the packages that are imported, for the message.
-        extra: extra of FlexArm, which brings them.
+    """Turn a failed import within `with` into an error: `what` needs packages that an extra of FlexArm brings.
 
     Raises:
         ModuleNotFoundError: naming the extra.

@@ -133,12 +133,7 @@ class ArmParameters:
 
     @classmethod
     def named(cls, preset: str, **changes: object) -> ArmParameters:
-        """Return an arm of `PRESETS`.
-
-        Args:
-            preset: its name.
-            **changes: fields to set otherwise.
-        """
+        """Return an arm of `PRESETS` by its name; `changes`: fields to set otherwise."""
         fields = PRESETS[choice("preset", preset, tuple(PRESETS))].fields
         return cls(**(dict(fields) | changes))  # type: ignore[arg-type]
 

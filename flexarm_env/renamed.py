@@ -34,10 +34,5 @@ class _RenamedModules(MetaPathFinder, Loader):
 
 
 def keep_old_names(package: str, names: Mapping[str, str]) -> None:
-    """Let old names of modules import, for one release.
-
-    Args:
-        package: full name of the package that holds them.
-        names: old name of a module within the package, and its new one.
-    """
+    """Let old names of a package's modules import, for one release; `names`: the new ones by the old ones."""
     sys.meta_path.append(_RenamedModules({f"{package}.{old}": f"{package}.{new}" for old, new in names.items()}))

@@ -23,11 +23,10 @@ from flexarm_env.analysis.margins import (
     is_stable,
     stable_gains,
 )
-from flexarm_env.analysis.motors import behind_motors
 from flexarm_env.analysis.natural import NaturalModes, natural_modes
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.passivity import Passivity, force_to_rate, passivity
-from flexarm_env.analysis.plant import Plant, Poles, linear_plant, poles
+from flexarm_env.analysis.plant import Plant, Poles, behind_motors, linear_plant, poles
 from flexarm_env.analysis.sensor import Sensor, joint_angles, rigid_point, strain, tip, true_point
 from flexarm_env.analysis.zeros import ZeroDirections, Zeros, zero_directions, zeros
 from flexarm_env.renamed import keep_old_names

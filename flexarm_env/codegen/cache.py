@@ -66,11 +66,8 @@ def check_compiler() -> None:
 def kept_on_disk(file: str, description: str) -> Callable[[F], F]:
     """Return a decorator that compiles functions of a file when they are first called, and keeps them.
 
-    They call others of the same file and of libraries only: what is kept is named by a hash of the file's text.
-
-    Args:
-        file: `__file__`.
-        description: of the functions for the user who waits.
+    They call others of the same file and of libraries only: what is kept is named by a hash of the file's text, and
+    described to the user who waits.
     """
     check_compiler()
     path = Path(file)

@@ -245,12 +245,9 @@ def with_values(arm: ArmParameters, values: Mapping[str, float]) -> ArmParameter
     changes: dict[str, Any] = {}
     for name, value in values.items():
         field, part = split(name)
-        if name in DELAYS:
-            continue
-        if part is None:
+        if part is not None:
+            both = changes.get(field, getattr(arm, field))
+            changes[field] = (value, both[1]) if part == 0 else (both[0], value)
+        elif name not in DELAYS:
             changes[field] = value
-        else:
-            both = list(changes.get(field, getattr(arm, field)))
-            both[part] = value
-            changes[field] = tuple(both)
     return replace(arm, **changes)

@@ -16,20 +16,14 @@ import mujoco
 
 from flexarm_env.chain import model as chains
 from tests.validation.arms import EngineChain, Gauges, Modal
+from tests.validation.beams import Beam, clamped_free, pinned_free
 from tests.validation.motion import bent_by
 
 L, EI, RHO = 4.5, 1676.0, 0.335  # a link
-CLAMPED = np.array([1.875104, 4.694091])  # roots of cos x cosh x = -1
-PINNED = np.array([3.926602, 7.068583])  # roots of tan x = tanh x; the other end is free
 
 # The chain is the midpoint rule of the bent beam: its error is of second order in 1 / (segments - 1). At 10 segments
 # it is 0.28 % for the first clamped mode and 1 % for the second, and so is the tolerance: half again as much.
 ERRORS = {10: np.array([0.0042, 0.015]), 20: np.array([0.0010, 0.0034])}
-
-
-def beam(roots: np.ndarray, length: float = L) -> np.ndarray:
-    """Angular frequencies of a uniform beam [rad/s]."""
-    return roots**2 * np.sqrt(EI / (RHO * length**4))
 
 
 def link1(segments: int) -> list[str]:
@@ -37,12 +31,12 @@ def link1(segments: int) -> list[str]:
 
 
 @pytest.mark.parametrize("segments", ERRORS)
-@pytest.mark.parametrize(("elbow", "roots"), [(["elbow"], CLAMPED), ([], PINNED)], ids=["clamped", "pinned"])
-def test_frequencies_of_link_2(segments: int, elbow: list[str], roots: np.ndarray) -> None:
+@pytest.mark.parametrize(("elbow", "beam"), [(["elbow"], clamped_free), ([], pinned_free)], ids=["clamped", "pinned"])
+def test_frequencies_of_link_2(segments: int, elbow: list[str], beam: Any) -> None:
     found = chains.frequencies(chains.chain_model(segments), locked=link1(segments) + elbow)
     elastic = found[found > 1e-3][:2]
     assert len(found) - len(found[found > 1e-3]) == (not elbow)  # the pinned link turns freely
-    assert np.all(np.abs(elastic / beam(roots) - 1.0) < ERRORS[segments])
+    assert np.all(np.abs(elastic / beam(Beam(L, EI, RHO), 2) - 1.0) < ERRORS[segments])
 
 
 def test_inertia_of_the_straight_arm() -> None:
