@@ -20,8 +20,7 @@ from flexarm_env.validation import choice, flag, integer, number
 
 Array = NDArray[np.float64]
 
-KINDS = ("joint angles", "strain", "rigid point", "true point")
-UNITS = {"joint angles": "rad", "strain": "1/m", "rigid point": "m", "true point": "m"}
+UNITS = {"joint angles": "rad", "strain": "1/m", "rigid point": "m", "true point": "m"}  # of readings, by kinds
 # Largest change of a coordinate in the central difference that turns a Jacobian into its rate. The kinematics are
 # smooth; with the extrapolation below the error is of fourth order, at rounding level.
 _STEP = 1e-3
@@ -32,7 +31,7 @@ class Sensor:
     """A sensor; see `joint_angles`, `strain`, `rigid_point`, `true_point`, `tip`.
 
     Attributes:
-        kind: one of `KINDS`.
+        kind: one of `UNITS`.
         link: 1 or 2; of strain and true points. A rigid point is on link 2.
         position: distance s from the link's root [m]; None: its tip. Of a rigid point the distance from the elbow.
         rate: the reading's rate of change instead of the reading.
@@ -46,7 +45,7 @@ class Sensor:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        choice("kind", self.kind, KINDS)
+        choice("kind", self.kind, UNITS)
         integer("link", self.link, 1, 2)
         if self.kind == "rigid point" and self.link != 2:
             raise ValueError(f"link = {self.link}: a rigid point is on link 2; of link 1 take a true point")

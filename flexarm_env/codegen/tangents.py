@@ -17,7 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
-from flexarm_env.codegen.tracing import Symbol, at_least, clip, floor, magnitude, quarter_turns, root, where_less
+from flexarm_env.codegen.tracing import (
+    Symbol,
+    at_least,
+    clip,
+    floor,
+    is_literal,
+    magnitude,
+    quarter_turns,
+    root,
+    where_less,
+)
 
 Tangents = Mapping[Any, Any]
 Array = NDArray[np.float64]
@@ -55,13 +65,13 @@ class Dual(Symbol):
         return Dual(other - self.value, _difference({}, self.tangents))
 
     def __mul__(self, other: Any) -> Any:
-        if _is_zero(other):
+        if is_literal(other, 0.0):
             return 0.0
         own, others = _scaled(self.tangents, value(other)), _scaled(tangents(other), self.value)
         return Dual(self.value * value(other), _sum(own, others))
 
     def __rmul__(self, other: Any) -> Any:
-        return 0.0 if _is_zero(other) else Dual(other * self.value, _scaled(self.tangents, other))
+        return 0.0 if is_literal(other, 0.0) else Dual(other * self.value, _scaled(self.tangents, other))
 
     def __truediv__(self, other: Any) -> Any:
         reciprocal = 1.0 / value(other)
@@ -111,10 +121,6 @@ def jacobian(function: Callable[[list[Any]], Sequence[Any]], point: Array) -> tu
     return np.stack(values, axis=-1), np.moveaxis(np.stack(slopes), (0, 1), (-2, -1))
 
 
-def _is_zero(number: Any) -> bool:
-    return isinstance(number, int | float) and number == 0.0
-
-
 def _sum(one: Tangents, two: Tangents) -> Tangents:
     if not one or not two:
         return one or two
@@ -128,15 +134,11 @@ def _difference(one: Tangents, two: Tangents) -> Tangents:
 
 def _scaled(given: Tangents, factor: Any) -> Tangents:
     """Each tangent times a factor; literal zeros and ones leave no product behind."""
-    if _is_zero(factor):
+    if is_literal(factor, 0.0):
         return {}
-    return {way: _product(tangent, factor) for way, tangent in given.items()}
-
-
-def _product(tangent: Any, factor: Any) -> Any:
-    if isinstance(factor, float | int) and factor == -1.0:
-        return -tangent
-    return factor if isinstance(tangent, float | int) and tangent == 1.0 else tangent * factor
+    if is_literal(factor, -1.0):
+        return {way: -tangent for way, tangent in given.items()}
+    return {way: factor if is_literal(tangent, 1.0) else tangent * factor for way, tangent in given.items()}
 
 
 # --- rules: a function's value, with tangents from its partial derivatives or from the branch that it takes -----------

@@ -165,12 +165,6 @@ class Symbol(ABC):
         """Apply a function of this module, or one recorded once, to arguments of which this symbol is one."""
 
 
-def _asked(arguments: Sequence[Any]) -> Symbol | None:
-    """Return the symbol of the highest rank among the arguments, or None."""
-    symbols = [argument for argument in arguments if isinstance(argument, Symbol)]
-    return max(symbols, key=lambda symbol: symbol.rank) if symbols else None
-
-
 class Expression(Symbol):
     """A number that is not known yet; arithmetic on it is recorded, unless a literal 0 or 1 spares it."""
 
@@ -199,25 +193,25 @@ class Expression(Symbol):
         return tuple(results) if count > 1 else results[0]
 
     def __add__(self, other: Any) -> Any:
-        return self if _is(other, 0.0) else self._record("add", self, other)
+        return self if is_literal(other, 0.0) else self._record("add", self, other)
 
     def __radd__(self, other: Any) -> Any:
-        return self if _is(other, 0.0) else self._record("add", other, self)
+        return self if is_literal(other, 0.0) else self._record("add", other, self)
 
     def __sub__(self, other: Any) -> Any:
-        return self if _is(other, 0.0) else self._record("subtract", self, other)
+        return self if is_literal(other, 0.0) else self._record("subtract", self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        return -self if _is(other, 0.0) else self._record("subtract", other, self)
+        return -self if is_literal(other, 0.0) else self._record("subtract", other, self)
 
     def __mul__(self, other: Any) -> Any:
-        if _is(other, 0.0) or _is(other, 1.0):
-            return 0.0 if _is(other, 0.0) else self
+        if is_literal(other, 0.0) or is_literal(other, 1.0):
+            return 0.0 if is_literal(other, 0.0) else self
         return self._record("multiply", self, other)
 
     def __rmul__(self, other: Any) -> Any:
-        if _is(other, 0.0) or _is(other, 1.0):
-            return 0.0 if _is(other, 0.0) else self
+        if is_literal(other, 0.0) or is_literal(other, 1.0):
+            return 0.0 if is_literal(other, 0.0) else self
         return self._record("multiply", other, self)
 
     def __truediv__(self, other: Any) -> Any:
@@ -273,8 +267,8 @@ def _asking(formula: Formula, of_numbers: Formula) -> Formula:
     def function(*arguments: Any) -> Any:
         if _NUMBERS.issuperset(map(type, arguments)):
             return of_numbers(*arguments)
-        symbol = _asked(arguments)
-        return formula(*arguments) if symbol is None else symbol.apply(function, arguments)
+        symbols = [argument for argument in arguments if isinstance(argument, Symbol)]
+        return max(symbols, key=lambda one: one.rank).apply(function, arguments) if symbols else formula(*arguments)
 
     return function
 
@@ -283,7 +277,8 @@ def _code(operand: Any) -> int | str:
     return operand.index if isinstance(operand, Expression) else repr(float(operand))
 
 
-def _is(operand: Any, value: float) -> bool:
+def is_literal(operand: Any, value: float) -> bool:
+    """Return whether an operand is this number, known when a record is made."""
     return isinstance(operand, int | float) and float(operand) == value
 
 

@@ -22,11 +22,10 @@ from flexarm_env.metrics.errors import (
     tracking_error,
 )
 from flexarm_env.metrics.figures import CornerFigures, LapFigures
-from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures
+from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures, summary
 from flexarm_env.metrics.motion import elbow_changes, tip_acceleration, vibration
 from flexarm_env.metrics.rests import Rest, bending_moment, rests
 from flexarm_env.metrics.running import Instants, RunningFigures, contour_and_lag
-from flexarm_env.metrics.summary import summary
 
 __all__ = [
     "CircleFit",
