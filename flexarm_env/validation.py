@@ -152,8 +152,7 @@ def finite_array(
     """
     array = real_array(name, value)
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + (",)" if len(shape) == 1 else ")")
-        raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
+        raise ValueError(f"{name}: must have shape {str(shape).replace('None', 'n')}, got {array.shape}")
     return _finite(name, array, most)
 
 

@@ -49,13 +49,6 @@ def test_shapes_are_the_textbooks_or_the_ritz_modes_of_monomials(count: int, kin
         np.testing.assert_allclose(ours, theirs, atol=ROUNDING * np.abs(theirs).max())
 
 
-def test_shape_broadcasts(link: LinkModes) -> None:
-    x = np.linspace(0.0, L, 6).reshape(2, 3)
-    assert link.shape(1.0).shape == (4,)
-    assert link.shape(x).shape == (2, 3, 4)
-    np.testing.assert_array_equal(link.slope(x)[1, 2], link.slope(x[1, 2]))
-
-
 def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkModes) -> None:
     x, weight = clenshaw_curtis(L)
     phi, bend = (shapes(loaded_arm(4, mode_scale=A), L, x, order) for order in (0, 2))
