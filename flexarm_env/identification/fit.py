@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -120,19 +121,16 @@ def _identified(fit: Fit, unknown: Array, noise: dict[str, float], spread: Mappi
     )
 
 
+@dataclass(eq=False)
 class Fit:
     """The least-squares problem: residuals in units of the noise, by parameters and first states."""
 
-    def __init__(
-        self,
-        model: Model,
-        arm: ArmParameters,
-        names: Sequence[str],
-        measured: Mapping[str, Array],
-        noise: Mapping[str, float],
-    ) -> None:
-        self._model, self.arm, self.names, self._measured, self._noise = model, arm, names, measured, noise
-        self._latest: tuple[Array, Array, Array] | None = None
+    model: Model
+    arm: ArmParameters
+    names: Sequence[str]
+    measured: Mapping[str, Array]
+    noise: Mapping[str, float]
+    _latest: tuple[Array, Array, Array] | None = field(default=None, init=False)
 
     def left(self, unknown: Array) -> dict[str, Array]:
         """Return the residuals of each channel, in its unit. Shape (windows, n, 2).
@@ -156,9 +154,9 @@ class Fit:
     def parts(self, unknown: Array) -> dict[str, tuple[Array, Array]]:
         """Return the residuals of each channel, Shape (windows, n, 2), and their derivatives."""
         values = dict(zip(self.names, unknown[: len(self.names)].tolist(), strict=True))
-        states = unknown[len(self.names) :].reshape(len(self._model.torque), -1)
-        read, slopes = self._model.readings(with_values(self.arm, values), states, values)
-        return {name: (read[name][..., 0] - y, slopes[name]) for name, y in self._measured.items()}
+        states = unknown[len(self.names) :].reshape(len(self.model.torque), -1)
+        read, slopes = self.model.readings(with_values(self.arm, values), states, values)
+        return {name: (read[name][..., 0] - y, slopes[name]) for name, y in self.measured.items()}
 
     def _problem(self, unknown: Array) -> tuple[Array, Array]:
         """Return residuals and Jacobian, reduced.
@@ -167,7 +165,7 @@ class Fit:
         stay the same, also as functions of what is unknown.
         """
         if self._latest is None or not np.array_equal(self._latest[0], unknown):
-            count = len(self._model.torque)
+            count = len(self.model.torque)
             try:
                 found = self.parts(unknown)
             except (FloatingPointError, ValueError):  # an arm that cannot be simulated: the search turns back
@@ -177,7 +175,7 @@ class Fit:
                 return self._latest[1:]
             parts = [
                 np.concatenate([slopes, one[..., None]], axis=-1).reshape(count, -1, slopes.shape[-1] + 1)
-                / self._noise[name]
+                / self.noise[name]
                 for name, (one, slopes) in found.items()
             ]
             rows = np.concatenate(parts, axis=1)
