@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from flexarm_agents import Spread, load_policy, shipped_policies
 from flexarm_agents.board.terms import task_options
-from flexarm_agents.environments import make_batch
+from flexarm_agents.environments import make_batch, make_one, spec_of
 from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_agents.teaching.drawn_paths import LAP, TAUGHT, drawn_path
 from flexarm_baselines.registry import controller
@@ -23,7 +23,7 @@ from flexarm_env.analysis import OperatingPoint, natural_modes
 from flexarm_env.envs.registration import IDS, LAB_ARM, UNKNOWN_PLANT
 from flexarm_env.laps import SETTLED
 from flexarm_env.published_arms import PUBLISHED
-from flexarm_env.rollout import run_batch
+from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.validation import choice
 from scripts.common.command_line import read_options, run
 from scripts.common.markdown import millimetres, table
@@ -79,7 +79,7 @@ def _first_frequency(arm: ArmParameters) -> float:
     return float(natural_modes(point, "locked").frequencies[0])
 
 
-# Options that differ from those of SquareUnknown-v0, and the name of an arm (`scaled`).
+# Options that differ from those of SquareUnknown-v0; beside them another id, or the name of an arm (`scaled`).
 PATHS: dict[str, dict[str, Any]] = {
     "square": {},
     "square, corners blended over 0.4 s": {"corner_time": 0.4},
@@ -102,6 +102,11 @@ PATHS: dict[str, dict[str, Any]] = {
         "max_episode_steps": 2400,
     },
     "circle; a laboratory arm, scaled": {"reference": "circle", "scaled": LAB_ARM},
+    "square; the chain in MuJoCo, motors not late": {
+        "environment": "FlexArm/SquareChain-v0",
+        **UNKNOWN_PLANT,
+        "randomisation": {**UNKNOWN_PLANT["randomisation"], "actuation_delay": (0.0, 0.0)},
+    },
 }
 ERRORS = ("median", "90th percentile", "median after 2 s")  # of the r.m.s. error
 ENTRIES = ("universal", "student_unknown", "lqg_adaptive")
@@ -118,23 +123,30 @@ class Options:
     """Which paths; without, all. Those of others stay."""
 
 
-def measured(name: str, path: str, episodes: int) -> dict[str, Any]:
+def measured(name: str, path: str, episodes: int) -> dict[str, Any] | None:
     """Run an agent, by name or folder, or a controller on unknown arms along a path.
 
     Returns:
-        How many it loses, and its errors [m].
+        How many it loses, and its errors [m]; None for a controller on the chain, which takes hours.
     """
     agent = load_policy(name) if name in shipped_policies() or Path(name).is_dir() else None
     options = {**(agent.options if agent else controller(name).options), **PATHS[path]}
+    environment = options.pop("environment", "FlexArm/SquareUnknown-v0")
     if preset := options.pop("scaled", None):
         options |= scaled(preset)
+    hosted = spec_of(environment).vector_entry_point is None
+    if hosted and agent is None:
+        return None
     try:
-        env = make_batch("FlexArm/SquareUnknown-v0", episodes, options)
+        env: Any = make_one(environment, options).unwrapped if hosted else make_batch(environment, episodes, options)
         policy = agent.policy if agent else controller(name).make(env)
     except ValueError as error:
         return {"refused": str(error)}
     steps = round(TAUGHT / env.control_period) if path == "as in training" else None
-    runs = run_batch(env, [policy] * episodes, seed=SEED, max_steps=steps)
+    if hosted:
+        runs = [run_policy(env, policy, seed=SEED + n) for n in range(episodes)]
+    else:
+        runs = run_batch(env, [policy] * episodes, seed=SEED, max_steps=steps)
     env.close()
     first = round(SETTLED / env.control_period)
     squares: list[Any] = [np.sum(np.square(run.tip - np.asarray(run.reference)), axis=1) for run in runs]
@@ -156,7 +168,7 @@ def errors(found: Found) -> str:
     """Tabulate lost laps, median and 90th percentile."""
     return table(
         ("path", *(f"`{name}`" for name in ENTRIES)),
-        [(path, *(_cell(found[name][path]) for name in ENTRIES)) for path in PATHS],
+        [(path, *(_cell(found[name].get(path)) for name in ENTRIES)) for path in PATHS],
     )
 
 
@@ -175,7 +187,9 @@ def seeds(found: Found) -> str:
     return table(head, lines)
 
 
-def _cell(one: Mapping[str, Any]) -> str:
+def _cell(one: Mapping[str, Any] | None) -> str:
+    if one is None:
+        return "-"
     return "needs a plan" if "refused" in one else f"{one['lost']}; {' / '.join(map(millimetres, one['errors']))}"
 
 

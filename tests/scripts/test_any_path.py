@@ -37,13 +37,13 @@ def test_a_scaled_arm_vibrates_as_its_original_does_in_other_units() -> None:
 def test_a_path_that_is_measured_anew_leaves_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     shown = {"lost": 1, "errors": [0.05, float("inf"), 0.02]}
     monkeypatch.setattr(any_path, "FILE", tmp_path / "any_path.json")
-    monkeypatch.setattr(any_path, "measured", lambda name, path, episodes: shown)
+    monkeypatch.setattr(any_path, "measured", lambda name, path, episodes: shown if name == "universal" else None)
     before = {name: {path: {"refused": "no plan"} for path in any_path.PATHS} for name in any_path.ENTRIES}
     any_path.FILE.write_text(json.dumps(before))
     monkeypatch.setattr("sys.argv", ["any_path", "--paths", "circle"])
     any_path.main()
     rows = {row.split(" | ")[0].strip("| "): row for row in any_path.errors(any_path.results(tmp_path, 1)).splitlines()}
-    assert rows["circle"] == "| circle |" + 3 * " 1; 50 / lost / 20 |"
+    assert rows["circle"] == "| circle | 1; 50 / lost / 20 | - | - |"
     assert rows["square"] == "| square | needs a plan | needs a plan | needs a plan |"
     monkeypatch.setattr("sys.argv", ["any_path", "--paths", "triangle"])
     with refuses(ValueError, "paths = 'triangle': must be one of 'square'"):
