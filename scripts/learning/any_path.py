@@ -104,8 +104,7 @@ PATHS: dict[str, dict[str, Any]] = {
     "circle; a laboratory arm, scaled": {"reference": "circle", "scaled": LAB_ARM},
     "square; the chain in MuJoCo, motors not late": {
         "environment": "FlexArm/SquareChain-v0",
-        **UNKNOWN_PLANT,
-        "randomisation": {**UNKNOWN_PLANT["randomisation"], "actuation_delay": (0.0, 0.0)},
+        "randomisation": UNKNOWN_PLANT["randomisation"] | {"actuation_delay": (0.0, 0.0)},
     },
 }
 ERRORS = ("median", "90th percentile", "median after 2 s")  # of the r.m.s. error
@@ -130,7 +129,8 @@ def measured(name: str, path: str, episodes: int) -> dict[str, Any] | None:
         How many it loses, and its errors [m]; None for a controller on the chain, which takes hours.
     """
     agent = load_policy(name) if name in shipped_policies() or Path(name).is_dir() else None
-    options = {**(agent.options if agent else controller(name).options), **PATHS[path]}
+    own = agent.options if agent else controller(name).options
+    options = {**IDS["SquareUnknown-v0"].options, **own, **PATHS[path]}
     environment = options.pop("environment", "FlexArm/SquareUnknown-v0")
     if preset := options.pop("scaled", None):
         options |= scaled(preset)

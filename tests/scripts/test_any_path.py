@@ -1,6 +1,7 @@
 """Paths that no training had: a laboratory arm of the default arm's size, and what a new measurement leaves."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis import OperatingPoint, natural_modes
 from flexarm_env.envs.registration import IDS
 from flexarm_env.parameters import arm_parameters
+from flexarm_env.rollout import run_policy
 from scripts.learning import any_path
 from tests.support.refusals import refuses
 
@@ -32,6 +34,15 @@ def test_a_scaled_arm_vibrates_as_its_original_does_in_other_units() -> None:
     friction = IDS["Lab-v0"].options["torque_limit"][1] / own.coulomb_friction[1]
     assert options["torque_limit"][1] / scaled.coulomb_friction[1] == pytest.approx(friction)
     assert scaled.link_lengths == ours.link_lengths
+
+
+def test_on_the_chain_an_agent_reads_what_it_does_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chain's id has other blocks than `SquareUnknown-v0`; a controller is not run there."""
+    chain = "square; the chain in MuJoCo, motors not late"
+    monkeypatch.setattr(any_path, "run_policy", partial(run_policy, max_steps=2))
+    cut = {"lost": 1, "errors": [float("inf")] * len(any_path.ERRORS)}
+    assert any_path.measured("student_unknown", chain, 1) == cut
+    assert any_path.measured("lqg_adaptive", chain, 1) is None
 
 
 def test_a_path_that_is_measured_anew_leaves_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
