@@ -40,8 +40,10 @@ def test_on_the_chain_an_agent_reads_what_it_does_elsewhere(monkeypatch: pytest.
     """The chain's id has other blocks than `SquareUnknown-v0`; a controller is not run there."""
     chain = "square; the chain in MuJoCo, motors not late"
     monkeypatch.setattr(any_path, "run_policy", partial(run_policy, max_steps=2))
-    cut = {"lost": 1, "errors": [float("inf")] * len(any_path.ERRORS)}
-    assert any_path.measured("student_unknown", chain, 1) == cut
+    found = any_path.measured("student_unknown", chain, 1)
+    assert found is not None
+    assert found["lost"] == 0
+    assert 0.0 < found["errors"][0] < 0.1  # of two periods
     assert any_path.measured("lqg_adaptive", chain, 1) is None
 
 
