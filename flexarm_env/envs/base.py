@@ -1,4 +1,4 @@
-"""What single and vector environments have in common."""
+"""What single and vector environments have in common: properties, options that last, rewards and ends of the user's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.batch import OWN_END, BatchSimulator
+from flexarm_env.envs.info import InfoMaker
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.arm import FlexibleArm
@@ -19,8 +20,6 @@ from flexarm_env.validation import mapping, real_array, shown
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
-
-
 A_RACE = 60.0  # [s]; long enough for three laps of the square
 NOBODY = np.zeros(0, dtype=np.int64)
 NOBODY.setflags(write=False)
@@ -33,6 +32,7 @@ class FlexArmEnvBase:
     spec: EnvSpec | None
     render_mode: str | None
     _started: bool
+    _infos: InfoMaker
     _lasting: Array | None = None  # requests for resets that `set_options` has left
 
     def __repr__(self) -> str:
@@ -188,6 +188,32 @@ class FlexArmEnvBase:
     def _requests(self, options: Mapping[str, Any] | None = None) -> Array:
         return reset_requests_of(options, self.simulator, self._lasting)
 
+    def _judge(self, results: Array, begun: Indices = NOBODY) -> None:
+        """Write the rewards and terminations by the user's functions into the results of a step.
+
+        Args:
+            results: of the step; changed. Shape (N, k).
+            begun: environments that began an episode in this step; they have no reward and do not end. Shape (n,).
+
+        Raises:
+            TypeError, ValueError: for what a function returns of another shape or type, or a reward that is not finite.
+        """
+        settings, seen = self.settings, results.view()
+        seen.flags.writeable = False  # infos show the same memory
+        known = self._infos.quantities(seen)
+        rewards, status = (results[:, self.simulator.parts[name].start] for name in ("REWARD", "STATUS"))
+        if settings.reward is not None:
+            found = _checked("reward", settings.reward(known), len(results), "fiu", "real numbers")
+            rewards[:] = np.where((status == 0.0) | (status < -1.5), found, 0.0)  # an invalid state has no reward
+            rewards[begun] = 0.0
+            if not np.isfinite(rewards).all():
+                raise ValueError(f"reward(infos)[{int(np.argmin(np.isfinite(rewards)))}]: must be finite")
+        if settings.termination is not None:
+            ends = _checked("termination", settings.termination(known), len(results), "b", "bool") & (status == 0.0)
+            ends[begun] = False
+            status[ends] = OWN_END
+            self.simulator.end(ends.nonzero()[0])
+
     def _chosen(self, caller: str, rows: Sequence[int] | Indices | None) -> Indices:
         count = len(self.simulator)
         if not self._started:
@@ -207,6 +233,13 @@ def _mirrored(name: str, values: ArrayLike, signs: NDArray[np.float32]) -> NDArr
     if numbers.shape[-1:] != signs.shape:
         raise ValueError(f"{name}: must have shape (..., {len(signs)}), got {numbers.shape}")
     return numbers * signs
+
+
+def _checked(name: str, found: Any, count: int, kinds: str, what: str) -> NDArray[Any]:
+    array = np.asarray(found)
+    if array.shape != (count,) or array.dtype.kind not in kinds:
+        raise TypeError(f"{name}(infos) = {shown(found)}: must be an array of {what}, of shape ({count},)")
+    return array
 
 
 def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:

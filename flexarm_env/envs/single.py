@@ -21,12 +21,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, FlexArmEnvBase, rounded
+from flexarm_env.envs.base import FASTEST_VIDEO, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
 from flexarm_env.envs.info import Episode, InfoMaker, episodes
 from flexarm_env.envs.option_types import EnvOptions
-from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.rendering import RENDER_MODES
 from flexarm_env.envs.scene import Scene
@@ -126,7 +125,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         if not advance():
             finite_array("action", action, self._shape)  # raises the error that names what is wrong
         if self._judges:
-            judge(simulator, infos, simulator.single_result[None], NOBODY)
+            self._judge(simulator.single_result[None])
         read, (reward, status) = infos.read, simulator.single_end
         info, terminated = read(), status != 0.0
         if terminated:

@@ -30,7 +30,6 @@ from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
 from flexarm_env.envs.option_types import EnvOptions
-from flexarm_env.envs.own_terms import judge
 from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.rendering import RENDER_MODES
@@ -189,7 +188,7 @@ class FlexArmVectorEnv(
         self.simulator.step()
         results = self.simulator.results
         if self._judges:
-            judge(self.simulator, self._infos, results, begun)
+            self._judge(results, begun)
         status = results[:, self._status]
         terminated = status != 0.0
         truncated = results[:, self._time] > self._longest
