@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.envs.batch import OWN_END, BatchSimulator
 from flexarm_env.envs.info import InfoMaker
 from flexarm_env.envs.reset_options import reset_requests_of
+from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import mapping, real_array, shown
@@ -31,8 +32,10 @@ class FlexArmEnvBase:
     simulator: BatchSimulator
     spec: EnvSpec | None
     render_mode: str | None
+    metadata: dict[str, Any]
     _started: bool
     _infos: InfoMaker
+    _scenes: list[Scene]  # one for each environment where pictures are drawn
     _lasting: Array | None = None  # requests for resets that `set_options` has left
 
     def __repr__(self) -> str:
@@ -62,14 +65,26 @@ class FlexArmEnvBase:
             raise RuntimeError("render() before reset(): there is nothing to show")
         return self.render_mode is not None
 
-    def _spaces(self) -> tuple[Any, Any]:
+    def _lay_out(self, simulator: BatchSimulator, render_mode: str | None) -> tuple[Any, Any]:
+        """Keep the simulator and what reads it; return the spaces of one environment's observations and actions."""
+        self.simulator, self.render_mode, self._started = simulator, render_mode, False
+        self._infos, self._judges = InfoMaker(simulator), self.settings.has_own_terms
+        # a picture for each control period, at most `FASTEST_VIDEO` a second
+        fps = min(FASTEST_VIDEO, max(1, round(1.0 / self.control_period)))
+        self.metadata = self.metadata | {"render_fps": fps}
+        self._scenes = [Scene(simulator, i, render_mode, fps) for i in range(len(simulator))] if render_mode else []
         bound = self.simulator.layout.bound
         observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
 
-    def _fps(self) -> int:
-        """Return the pictures a second: one for each control period, at most `FASTEST_VIDEO` [1/s]."""
-        return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
+    def _remember(self, begun: Indices = NOBODY, moved: bool = True) -> None:
+        """Add the present instant to the pictures of environments that have begun an episode, or moved; show it."""
+        for i, scene in enumerate(self._scenes):
+            if moved or i in begun:
+                result = self.simulator.result(i)
+                (scene.begin if i in begun else scene.add)(result)
+                if self.render_mode == "human":
+                    scene.draw(result)
 
     @property
     def settings(self) -> Settings:

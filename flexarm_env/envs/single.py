@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from flexarm_env.envs.base import FASTEST_VIDEO, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
-from flexarm_env.envs.info import Episode, InfoMaker, episodes
+from flexarm_env.envs.info import Episode, episodes
 from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.rendering import RENDER_MODES
-from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import generator_words, new_keys, set_generator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.states import GENERATOR, Words
@@ -58,16 +57,10 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         """
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES)
-        self.render_mode = render_mode
-        self.simulator = self._simulator_of(Settings.of(options, type(self).__name__))
-        self.metadata = self.metadata | {"render_fps": self._fps()}
-        self.observation_space, self.action_space = self._spaces()
-        self._infos = InfoMaker(self.simulator)
-        self._scene = None if render_mode is None else Scene(self.simulator, 0, render_mode, self._fps())
+        simulator = self._simulator_of(Settings.of(options, type(self).__name__))
+        self.observation_space, self.action_space = self._lay_out(simulator, render_mode)
         self._begin = np.zeros(1, dtype=np.int64)
         self._shape: tuple[int, ...] = self.action_space.shape or ()
-        self._judges = self.settings.has_own_terms
-        self._started = False
         self._limit_checked = False
 
     @property
@@ -94,10 +87,7 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         self._check_time_limit()
         self.simulator.start(new_keys(self.np_random, 1), self._begin, reset_requests)
         self._started = True
-        if self._scene is not None:
-            result = self.simulator.result(0)
-            self._scene.begin(result)
-            self._show(result)
+        self._remember(self._begin)
         return self.simulator.single_observation.copy(), self._infos.read()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -130,10 +120,8 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         info, terminated = read(), status != 0.0
         if terminated:
             info["end_code"] = infos.codes[status]
-        if self._scene is not None:
-            result = simulator.result(0)
-            self._scene.add(result)
-            self._show(result)
+        if self._scenes:
+            self._remember()
         return simulator.single_observation.copy(), reward, terminated, False, info
 
     def get_state(self) -> Words:
@@ -166,8 +154,8 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             raise RuntimeError("set_state() before reset(): call reset() once")
         (own,) = self.simulator.set_states(state, self._begin)
         set_generator(self.np_random, own[GENERATOR])
-        if self._scene is not None:
-            self._scene.begin(self.simulator.result(0))
+        for scene in self._scenes:
+            scene.begin(self.simulator.result(0))
         info, (_, status) = self._infos.read(), self.simulator.single_end
         info["end_code"] = self._infos.codes[status]
         return self.simulator.single_observation.copy(), info
@@ -179,15 +167,12 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
             gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
             RuntimeError: before the first reset.
         """
-        if not self._begun_drawing():
-            return None
-        assert self._scene is not None
-        return self._scene.draw(self.simulator.result(0))
+        return self._scenes[0].draw(self.simulator.result(0)) if self._begun_drawing() else None
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._scene is not None:
-            self._scene.close()
+        for scene in self._scenes:
+            scene.close()
 
     def _simulator_of(self, settings: Settings) -> BatchSimulator:
         return BatchSimulator(settings, 1)
@@ -204,7 +189,3 @@ class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.f
         if result[parts["STATUS"]] == 0.0:
             steps = round(result[parts["TIME"]].item() / self.control_period)
             warn_of_short_limit(self.spec, steps, self.lap_steps)
-
-    def _show(self, result: NDArray[np.float64]) -> None:
-        if self.render_mode == "human" and self._scene is not None:
-            self._scene.draw(result)

@@ -28,12 +28,11 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.base import FASTEST_VIDEO, NOBODY, FlexArmEnvBase, rounded
 from flexarm_env.envs.batch import BatchSimulator
-from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
+from flexarm_env.envs.info import Episode, episodes, masked
 from flexarm_env.envs.option_types import EnvOptions
 from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.rendering import RENDER_MODES
-from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.states import GENERATOR, Words
 from flexarm_env.validation import choice, entries, finite_array, integer, mapping, real_array, shown
@@ -93,26 +92,19 @@ class FlexArmVectorEnv(
         limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, MOST)
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES[:1])
-        self.render_mode = render_mode
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
         each = settings_of_each(options, per_env, self.num_envs, type(self).__name__)
-        self.simulator = BatchSimulator(each, self.num_envs, integer("threads", threads, 1))
-        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode, "render_fps": self._fps()}
-        self.single_observation_space, self.single_action_space = self._spaces()
+        simulator = BatchSimulator(each, self.num_envs, integer("threads", threads, 1))
+        self.single_observation_space, self.single_action_space = self._lay_out(simulator, render_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._infos = InfoMaker(self.simulator)
-        self._scenes = (
-            [Scene(self.simulator, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
-        )
         self._keys = EpisodeKeys(self.num_envs)
         self._limit = limit
         self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
-        self._judges = self.settings.has_own_terms
         self._ended = NOBODY  # environments whose episode is over
-        self._started = False
-        parts = self.simulator.parts
+        parts = simulator.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
         self.closed = False
 
@@ -160,7 +152,7 @@ class FlexArmVectorEnv(
         begun = np.flatnonzero(mask)
         self.simulator.start(self._keys.take(begun), begun, reset_requests)
         self._started, self._ended = True, self._ended[~mask[self._ended]]
-        self._remember(begun)
+        self._remember(begun, moved=False)
         infos = self._infos.batch()
         return self._observations(), infos if len(begun) == self.num_envs else masked(infos, mask)
 
@@ -202,7 +194,7 @@ class FlexArmVectorEnv(
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)
-        self._remember(begun, moved=True)
+        self._remember(begun)
         return self._observations(), rewards, terminated, truncated, infos
 
     def get_state(self, rows: Sequence[int] | Indices | None = None) -> Words:
@@ -244,7 +236,7 @@ class FlexArmVectorEnv(
         over[self._ended] = True
         over[chosen] = (status[chosen] != 0.0) | (results[chosen, self._time] > self._longest)
         self._ended = over.nonzero()[0]
-        self._remember(chosen)
+        self._remember(chosen, moved=False)
         infos = self._infos.batch()
         infos["end_code"][self._ended] = [self._infos.codes[each] for each in status[self._ended].tolist()]
         return self._observations(), infos
@@ -322,8 +314,3 @@ class FlexArmVectorEnv(
 
     def _observations(self) -> NDArray[np.float32]:
         return self.simulator.observations[: self.num_envs].copy()
-
-    def _remember(self, begun: Indices, moved: bool = False) -> None:
-        for i, scene in enumerate(self._scenes):
-            if moved or i in begun:
-                (scene.begin if i in begun else scene.add)(self.simulator.result(i))

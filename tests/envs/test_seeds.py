@@ -10,11 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils import seeding
-from hypothesis import example, given
-from hypothesis import strategies as st
 
-from flexarm_env.envs.seeding import AHEAD, EpisodeKeys, new_keys
 from flexarm_env.envs.single import FlexArmEnv
 from tests.envs.test_draws import ALL, EITHER
 from tests.envs.test_per_env import TORQUE_LANES
@@ -111,23 +107,6 @@ def test_observing_more_changes_nothing() -> None:
     for _ in range(30):
         info, other = few.step(np.zeros(2))[4], many.step(np.zeros(2))[4]
         assert_same(info, other)
-
-
-@given(
-    calls=st.lists(st.lists(st.integers(0, 2), unique=True, min_size=1), max_size=3 * AHEAD),
-    seeded_anew=st.integers(0, 3 * AHEAD),
-)
-@example(calls=[[0, 1], [1, 2], [1]], seeded_anew=1)
-def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], seeded_anew: int) -> None:
-    keys, everyone = EpisodeKeys(3), np.ones(3, dtype=bool)
-    keys.seed([7, 8, 9], everyone)
-    generators = [seeding.np_random(seed)[0] for seed in (7, 8, 9)]
-    for n, chosen in enumerate(calls):
-        if n == seeded_anew:  # the second one; the third is named, but masked
-            keys.seed([None, 5, 6], np.array([True, True, False]))
-            generators[1] = seeding.np_random(5)[0]
-        expected = [new_keys(generators[i], 1)[0] for i in chosen]
-        assert keys.take(np.array(chosen)).tolist() == expected
 
 
 def pickled(env: Any) -> Any:

@@ -82,6 +82,9 @@ def test_a_batch_goes_back_across_the_ends_of_episodes(mode: str) -> None:
     assert digest(envs, 15) == found
     envs.set_state(states[:4], [7, 6, 5, 4])
     np.testing.assert_array_equal(envs.get_state([4, 5, 6, 7]), states[3::-1])
+    begun = envs.reset(seed=3)[0]
+    envs.set_state(states)
+    np.testing.assert_array_equal(envs.reset(seed=3)[0], begun)  # the seed counts, not the state's generator
 
 
 def test_a_state_brings_the_arm_and_leaves_the_options() -> None:
