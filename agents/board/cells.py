@@ -20,7 +20,7 @@ from flexarm_agents.board.episodes import run_points, shares
 from flexarm_agents.board.terms import TASKS
 from flexarm_agents.code_version import code_version
 from flexarm_agents.files import write_text
-from flexarm_env.envs.chain_options import ChainOptions
+from flexarm_env.envs.registration import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import arm_parameters
 from flexarm_env.validation import short, shown
@@ -30,7 +30,7 @@ FORMAT = 2
 # options (a key holds the options' values), and derivatives, which only controllers use.
 WITHOUT_PART = (
     *(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene", "warm_up")),
-    *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "motion_options", "chain_options")),
+    *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "motion_options")),
     *("flexarm_env.envs.choices", "flexarm_env.envs.consistency"),
     *("flexarm_env.formulas", "flexarm_env.allowed", "flexarm_env.validation"),
     *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.rk4", "flexarm_env.codegen.tangents"),

@@ -6,8 +6,8 @@ from dataclasses import fields
 from typing import Any
 
 from flexarm_env.chain.plant import ChainPlant
-from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.registration import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.validation import known_names
@@ -18,7 +18,7 @@ class ChainEnv(FlexArmEnv):
 
     Action, observation, reward, resets and infos are the same, by the same code: only what the motors move is another
     plant, which no controller's model contains. Beside the options of `flexarm_env.envs.settings.Settings` it takes
-    those of `flexarm_env.envs.chain_options.ChainOptions`. Many of them run in Gymnasium's own vector environments.
+    those of `flexarm_env.envs.registration.ChainOptions`. Many of them run in Gymnasium's own vector environments.
     """
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:

@@ -20,8 +20,8 @@ from flexarm_env.chain.law import TipLaw
 from flexarm_env.chain.links import Chain
 from flexarm_env.chain.model import chain_model, stable_steps
 from flexarm_env.codegen.arrays import Four
-from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.drawing import Drawing
+from flexarm_env.envs.registration import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.parameters import SENSOR_MODELS, ArmParameters, arm_parameters

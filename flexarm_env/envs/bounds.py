@@ -63,13 +63,7 @@ def reach_of(settings: Settings) -> Workspace:
 
 
 def position_bounds(settings: Settings, sensor: Sensor, reach: Workspace) -> tuple[float, float]:
-    """Return the largest lengths of a position that a sensor reads, and of its error, before an episode ends [m].
-
-    Args:
-        settings: settings of the environment, which has the sensor.
-        sensor: its declaration.
-        reach: of the reference.
-    """
+    """Return the largest lengths of a position that a sensor reads, and of its error, before an episode ends [m]."""
     length_1 = settings.flexible_arm.parameters.link_lengths[0]
     if sensor is LINK_2:
         rigid, bends = length_1 + settings.sensor_position, SENSOR_MODELS[settings.sensor].bends

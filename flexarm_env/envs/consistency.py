@@ -93,9 +93,7 @@ EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
 def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[Any, tuple[str, ...]]]) -> None:
     """Refuse options that have no effect and differ from their default.
 
-    Args:
-        settings: `Settings`.
-        declared: default of each option, and the action modes that read it.
+    `declared` has the default of each option, and the action modes that read it.
     """
     for name, (default, modes) in declared.items():
         value = getattr(settings, name)

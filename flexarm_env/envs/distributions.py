@@ -25,13 +25,7 @@ LEAST_SHARE = 1e-6  # of a normal distribution between its cuts: further out it 
 
 
 def checked_distribution(label: str, value: Any, allowed: Number) -> tuple[Any, ...]:
-    """Check a distribution of a number.
-
-    Args:
-        label: for messages.
-        value: what the user gave.
-        allowed: the number's unit and allowed values.
-    """
+    """Check what a user gave as the distribution of a number."""
     limits: dict[str, Any] = {"unit": allowed.unit, "least": allowed.least, "most": allowed.most}
     parts = entries(value) or [None]
     if not isinstance(parts[0], str):

@@ -39,10 +39,9 @@ _NAMED: Mapping[str, Mapping[str, str]] = {
 
 
 def specification(introduction: str) -> str:
-    """Write `FlexArmEnv`'s docstring from the declarations; it computes no physics, so that imports stay fast.
+    """Write `FlexArmEnv`'s docstring: an introduction, and sections by the declarations.
 
-    Args:
-        introduction: the text that precedes the sections.
+    It computes no physics, so that imports stay fast.
     """
     first, _, rest = inspect.cleandoc(introduction).partition("\n")
     ids = table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items()))
@@ -51,11 +50,7 @@ def specification(introduction: str) -> str:
 
 
 def sections(one: Id | None = None) -> dict[str, str]:
-    """Write the sections of the specification by their titles, with the numbers of an id; None: of all ids.
-
-    Args:
-        one: the id's declaration.
-    """
+    """Write the sections of the specification by their titles, with the numbers of an id; None: of all ids."""
     settings = Settings.of(one.options) if one else None
     options = argument_table(settings, one.options if one else None)
     histories = [f"- `{NAMESPACE}/{name}`: {'; '.join(each.history)}" for name, each in IDS.items()]
@@ -225,12 +220,7 @@ def episode_table() -> str:
 
 
 def argument_table(settings: Settings | None = None, options: Mapping[str, Any] | None = None) -> str:
-    """Tabulate the arguments of `make`: all, or those that have an effect with `settings`.
-
-    Args:
-        settings: settings of an id.
-        options: options of the id; for the others the class's defaults are shown.
-    """
+    """Tabulate the arguments of `make`: all, or those that have an effect with an id's `settings` and `options`."""
     rows = []
     for one in fields(Settings):
         modes, allowed = modes_reading(one.name), one.metadata["allowed"]
@@ -248,12 +238,7 @@ def preset_table() -> str:
 
 
 def declared_table(kind: type[Any], name: str = "argument") -> str:
-    """Tabulate the fields of a class that declares them (`allowed.declared`).
-
-    Args:
-        kind: the class.
-        name: header of the column of names.
-    """
+    """Tabulate the fields of a class that declares them (`allowed.declared`); `name` is the header of their names."""
     rows = []
     for one in fields(kind):
         allowed, text = one.metadata["allowed"], one.metadata.get("text", "")
@@ -267,13 +252,7 @@ def option_table() -> str:
 
 
 def parameter_table(docstring: str, section: str = "Args", kind: str = "argument") -> str:
-    """Tabulate the arguments, or another section, of a docstring in Google's style.
-
-    Args:
-        docstring: the docstring, without indentation.
-        section: title of the section.
-        kind: header of the column of names.
-    """
+    """Tabulate the arguments, or another section, of a docstring in Google's style without its indentation."""
     text = docstring.partition(f"{section}:\n")[2]
     indent = re.match(r" *", text)
     assert indent is not None

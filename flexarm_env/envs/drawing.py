@@ -27,12 +27,7 @@ class Drawing(NamedTuple):
 
 
 def drawing_of(settings: Settings, state: Array) -> Drawing:
-    """Draw the arm of some settings.
-
-    Args:
-        settings: settings of the environment.
-        state: public state, finite or not. Shape (4 + 4 m,).
-    """
+    """Draw the arm of some settings in a public state, finite or not. Shape (4 + 4 m,)."""
     arm = settings.flexible_arm
     q = np.nan_to_num(state[: arm.size], posinf=0.0, neginf=0.0)
     return Drawing(centre_lines(arm, q), arm.position(q, 2, settings.sensor_position))

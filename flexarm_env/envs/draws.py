@@ -61,13 +61,7 @@ class Draws:
     """
 
     def __init__(self, kinds: Sequence[Settings], kind_of: NDArray[np.int64], first: int) -> None:
-        """Find out what is drawn.
-
-        Args:
-            kinds: distinct settings of the environments.
-            kind_of: kind of each environment. Shape (N,).
-            first: first free column of the reset requests.
-        """
+        """Find out what environments of some kinds (distinct settings) draw, each of its own. Shape (N,)."""
         self._kinds, self._kind_of, self.first, self.columns = kinds, kind_of, first, first
         self.further: dict[str, slice] = {}
         for name, each in {name: each for one in kinds for name, each in further_draws(one).items()}.items():

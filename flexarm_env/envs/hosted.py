@@ -89,11 +89,7 @@ class HostedSimulator(BatchSimulator):
     """
 
     def __init__(self, settings: Settings, plant: Plant) -> None:
-        """Lay it out; kernels are compiled, or found in the cache, at the first start.
-
-        Args:
-            settings: of the environment.
-            plant: the arm, made for these settings.
+        """Lay it out around an arm that is made for these settings.
 
         Raises:
             ValueError: for an action mode whose law acts within the compiled arm, motors that are not ideal,

@@ -215,11 +215,7 @@ class InfoMaker:
     """
 
     def __init__(self, simulator: BatchSimulator) -> None:
-        """Find the places of all keys in the results.
-
-        Args:
-            simulator: the environments.
-        """
+        """Find the places of all keys in the results."""
         self._simulator = simulator
         parts, keys = simulator.parts, info_keys(simulator.settings)
         firsts = {one.sensor.info: one.first for one in simulator.settings.further_sensors}
@@ -257,12 +253,7 @@ class InfoMaker:
 
 
 def masked(infos: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """Restrict the infos of a batch to some environments; the others have zeros.
-
-    Args:
-        infos: infos of all environments.
-        mask: environments that keep their infos. Shape (N,).
-    """
+    """Restrict the infos of a batch to environments of a mask; the others have zeros. Shape (N,)."""
     flag = mask.copy()
     flag.setflags(write=False)
     some: dict[str, Any] = {}

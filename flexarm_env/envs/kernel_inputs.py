@@ -106,11 +106,6 @@ def header_and_settings(
 ) -> tuple[NDArray[np.int64], Array]:
     """Make the header and the settings of the kernels; `LaneBatch` adds the places of the arrays.
 
-    Args:
-        kinds: distinct settings of the environments.
-        variant: of the kernels.
-        observed: layout of the observations.
-
     Returns:
         The header (`entries.Header`) with the rows of the observation; the settings (`entries.Setting`) with the
         horizons and the factors of the observation.
@@ -173,13 +168,7 @@ def _numbers(settings: Settings, variant: Variant) -> Array:
 
 
 def lane_numbers(settings: Settings, variant: Variant, changes: ConstantChanges | None = None) -> Array:
-    """Return the settings of a lane, in the order of `entries.LaneSetting`.
-
-    Args:
-        settings: of its environment.
-        variant: of the kernels.
-        changes: constants of the arm of the present episode; None: the settings' arm.
-    """
+    """Return the settings of a lane (`entries.LaneSetting`), by the own arm or the constants of an episode's arm."""
     s, changes = settings, changes or settings.flexible_arm.changes
     parts = {"ARM": changes.base, "PER_PAYLOAD": changes.payload_mass, "PER_DAMPING": changes.damping}
     values: dict[str, Any] = {

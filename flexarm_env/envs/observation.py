@@ -26,9 +26,6 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
 
     Laws that act under the action read too, and the link's frame turns with the encoder of theta1.
 
-    Args:
-        settings: settings of the environment.
-
     Returns:
         Names in `INFORMATION`, in its order.
     """
@@ -83,12 +80,7 @@ class ObservationLayout(NamedTuple):
 
 
 def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLayout:
-    """Lay out the observations of a batch (`observation_layout`), with the widest bounds of its environments.
-
-    Args:
-        kinds: distinct settings of the environments.
-        program: program of the kernels.
-    """
+    """Lay out the observations of a batch (`observation_layout`), with the widest bounds of its environments."""
 
     def widest(settings: Settings) -> float:
         return float(observation_layout(settings, program).bound.sum())
@@ -105,10 +97,6 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:
     """Lay out the observation that an environment's settings select.
-
-    Args:
-        settings: settings of the environment.
-        program: program of the kernels.
 
     Raises:
         ValueError: for an unknown block, or one that the action mode does not have.

@@ -71,13 +71,7 @@ def rows_of(settings: Any) -> int:
 
 
 def first_rows(settings: Any, key: int, rows: int, chosen: int = 0) -> Array:
-    """Return the path with which an episode begins. Shape (rows, 5).
-
-    Args:
-        settings: of the episode.
-        key: its key.
-        rows: of the table.
-        chosen: which of the named paths.
+    """Return the path with which an episode begins, by its key or the number of a named path. Shape (rows, 5).
 
     Raises:
         ValueError: for a drawn path that is out of reach, too fast, or has another lap time or too many way-points.
@@ -164,12 +158,7 @@ def _stop(sides: Array, settings: Any) -> Array:
 
 
 def shown_rows(settings: Any, rows: int) -> slice:
-    """Return the rows of the way-points that a picture shows: all, or where a target has just been.
-
-    Args:
-        settings: of the environment.
-        rows: of the table.
-    """
+    """Return the rows of a table's way-points that a picture shows: all, or where a target has just been."""
     past = _kept(settings, rows)
     return slice(past - 1, past + 1) if settings.reference == ("target",) else slice(None)
 

@@ -64,11 +64,7 @@ def _plain(value: Any) -> Any:
 
 
 def common_values(settings: Settings) -> dict[str, Any]:
-    """Return what all environments of a batch share, by name; batches are made of settings with equal values.
-
-    Args:
-        settings: of one environment.
-    """
+    """Return what all environments of a batch share, by name; batches are made of settings with equal values."""
     arm = settings.flexible_arm.parameters
     kept = (settings.motor_limit, settings.kept_actions) if settings.mode.accumulates else None
     observed = settings.scaled and "inner_gain" in settings.observation

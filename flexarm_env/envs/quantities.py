@@ -45,10 +45,7 @@ QUANTITIES: dict[str, Quantity] = {
         most_requested=HEAVIEST_PAYLOAD,  # a heavier arm is a slower one
     ),
     "stiffness": Quantity(least=0.1, most=10.0, own=lambda s: 1.0, least_requested=1e-3),
-    "damping": Quantity(
-        most=1.0,
-        own=lambda s: s.flexible_arm.parameters.damping_ratio,
-    ),
+    "damping": Quantity(most=1.0, own=lambda s: s.flexible_arm.parameters.damping_ratio),
     "noise": Quantity(most=LARGEST_NOISE, own=lambda s: s.noise),
     "actuation_delay": Quantity(most=MAX_DELAY, own=lambda s: s.actuation_delay),
 }
@@ -56,12 +53,7 @@ assert tuple(QUANTITIES) == tuple(DRAWN)  # in the kernels' order
 
 
 def orderable(settings: Any, name: str) -> tuple[float, float]:
-    """Return the least and the largest value of a quantity that a reset may request.
-
-    Args:
-        settings: `Settings`.
-        name: name of the quantity.
-    """
+    """Return the least and the largest value of a quantity that a reset may request."""
     quantity, own = QUANTITIES[name], settings.own_value(name)
     if name == "actuation_delay" and settings.mode.shifts:  # whole periods only
         return own, own

@@ -5,18 +5,36 @@ The texts are documentation: the ids' pages are made from them.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
-from flexarm_env.envs.chain_options import ChainOptions
+from flexarm_env.allowed import Integer, Number, check_fields, declared
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
 # Control periods of an episode: a lap of 16 s at 100 Hz, at the paper's 1 kHz, or at 500 Hz; of 24 s at 100 Hz; a
 # minute. A test checks them.
 _LAP, _PAPER_LAP, _LAB_LAP, _CARRY_LAP, _RACE = 1600, 16_000, 8000, 2400, 6000
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainOptions:
+    """Options of the chain in MuJoCo that `FlexArm/SquareChain-v0` has for an arm, beside those of `Settings`."""
+
+    segments: int = declared(20, Integer(3, 100), text="rigid segments a link")
+    chain_step: float = declared(
+        5e-4,
+        Number(1e-6, 1e-2, "s"),
+        text="longest integration step of MuJoCo; it is shortened to divide `physics_step`, after which sensors are "
+        "read, and where the chain would be unstable",
+    )
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        check_fields(self)
 
 
 class Id(NamedTuple):
@@ -261,16 +279,11 @@ IDS: dict[str, Id] = {
 def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int) -> None:
     """Warn if the time limit with which an id is registered is shorter than a lap.
 
-    The limit is a number of control periods, and other options can make a lap longer. A limit that differs from the
+    Both are numbers of control periods, and other options can make a lap longer. A limit that differs from the
     registered one is the user's choice and gives no warning.
-
-    Args:
-        spec: spec of the environment.
-        steps: its time limit [control periods].
-        lap_steps: number of control periods in a lap.
     """
-    declared = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
-    if spec is not None and declared is not None and steps == declared.steps < lap_steps:
+    one = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
+    if spec is not None and one is not None and steps == one.steps < lap_steps:
         gymnasium.logger.warn(
             f"{spec.id}: the registered limit of {steps} control periods is shorter than a lap of {lap_steps} with "
             f"these options; give make max_episode_steps={lap_steps} for a whole lap"
@@ -279,12 +292,12 @@ def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int)
 
 def register_environments() -> None:
     """Register all ids with Gymnasium; repeated calls change nothing."""
-    for name, declared in IDS.items():
+    for name, one in IDS.items():
         if f"{NAMESPACE}/{name}" not in gymnasium.registry:
             gymnasium.register(
                 id=f"{NAMESPACE}/{name}",
-                entry_point=declared.entry,
-                vector_entry_point=declared.batch_entry,
-                max_episode_steps=declared.steps,
-                kwargs=declared.options,
+                entry_point=one.entry,
+                vector_entry_point=one.batch_entry,
+                max_episode_steps=one.steps,
+                kwargs=one.options,
             )

@@ -20,14 +20,7 @@ class Scene:
     """Draws one arm of a batch, with the trace of its tip."""
 
     def __init__(self, simulator: BatchSimulator, index: int, render_mode: str, fps: int) -> None:
-        """Prepare the renderer; it imports and opens nothing before the first picture.
-
-        Args:
-            simulator: the environments.
-            index: index of the environment.
-            render_mode: "rgb_array" or "human".
-            fps: largest number of pictures a second that a window shows [1/s].
-        """
+        """Prepare the renderer; it imports and opens nothing before the first picture."""
         self._simulator, self._index = simulator, index
         self._renderer = Renderer(render_mode, fps=fps)
         self._trace: list[Array] = []

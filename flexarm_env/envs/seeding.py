@@ -54,12 +54,7 @@ class EpisodeKeys:
         self._waiting = np.zeros(count, dtype=np.bool_)  # where there is one
 
     def seed(self, seeds: Sequence[int | None], mask: NDArray[np.bool_]) -> None:
-        """Seed generators anew; None leaves one as it is.
-
-        Args:
-            seeds: seed of each environment. Shape (N,).
-            mask: environments to seed; the first call seeds all. Shape (N,).
-        """
+        """Seed the generators of a mask anew, and at the first call all; None leaves one as it is. Shape (N,) each."""
         if not self._generators:
             made = [seeding.np_random(seed) for seed in seeds]
             self._generators, self.seeds = [one for one, _ in made], [seed for _, seed in made]

@@ -25,9 +25,6 @@ class NoDisplayError(OSError):
 def open_display(pygame: Any) -> None:
     """Connect to the display, with the driver that the environment chooses, if it chooses one.
 
-    Args:
-        pygame: the module.
-
     Raises:
         NoDisplayError: there is none.
     """

@@ -9,8 +9,7 @@ from flexarm_env.envs import documentation as doc
 from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs import option_types
 from flexarm_env.envs.blocks import BLOCKS
-from flexarm_env.envs.chain_options import ChainOptions
-from flexarm_env.envs.registration import IDS, NAMESPACE, Id
+from flexarm_env.envs.registration import IDS, NAMESPACE, ChainOptions, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.parameters import ArmParameters
