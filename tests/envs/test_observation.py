@@ -123,20 +123,23 @@ def test_the_joint_error_is_within_half_a_turn() -> None:
         assert block(env, observation, "joint_error")[0] == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_present_joint_error_is_on_the_elbows_side() -> None:
+@pytest.mark.parametrize(("own", "other", "sign"), [("positive", "negative", 1.0), ("negative", "positive", -1.0)])
+def test_the_present_joint_error_is_on_the_elbows_side(own: str, other: str, sign: float) -> None:
     """Within the dead band on the side of `elbow_branch`, until the elbow is bent; by turns in one environment."""
-    env = bare(start="corner", **ALL)
+    env = bare(start="corner", elbow_branch=own, **ALL)
     arm, state = env.arm, env.reset()[1]["state"]
-    point = square(SquareParameters()).position(0.0)
-    for theta2, branch in ((state[1], "positive"), (-state[1], "negative"), (-0.06, "negative"), (-0.04, "positive")):
+    point, soon = square(SquareParameters()).position([0.0, 1e-6])
+    for theta2, branch in ((state[1], own), (-state[1], other), (-0.06 * sign, other), (-0.04 * sign, own)):
         state[1] = theta2
         observation, info = env.reset(options={"start": "corner", "state": state})
         aim = inverse_kinematics(arm.parameters, point, branch)
         found = block(env, observation, "present_joint_error")
         np.testing.assert_allclose(found, within_half_a_turn(aim - state[:2]), atol=1e-6)
-        usual = within_half_a_turn(inverse_kinematics(arm.parameters, point, "positive") - state[:2])
+        rates = (inverse_kinematics(arm.parameters, soon, branch) - aim) / 1e-6  # the arm rests
+        np.testing.assert_allclose(block(env, observation, "present_joint_error_rate"), rates, rtol=1e-4, atol=1e-4)
+        usual = within_half_a_turn(inverse_kinematics(arm.parameters, point, own) - state[:2])
         np.testing.assert_allclose(block(env, observation, "joint_error"), usual, atol=1e-6)
-        assert info["elbow_side"] == (0.0 if theta2 == -0.04 else np.sign(theta2))
+        assert info["elbow_side"] == (0.0 if abs(theta2) == 0.04 else np.sign(theta2))
 
 
 def motion_of_the_point(
