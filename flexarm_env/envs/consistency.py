@@ -115,7 +115,7 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
 
 
 def _refuse_contradictions(settings: Any) -> None:
-    units = _ends(settings, "torque_resolution", settings.torque_resolution)[1]
+    units = _ends(settings, "torque_resolution")[1]
     limits = _ends(settings, "torque_limit", settings.motor_limit)[0]
     if any(unit > most for unit, most in zip(units, limits, strict=True)):
         raise ValueError(f"torque_resolution = {units} N m: must be at most torque_limit = {limits} N m")
@@ -126,22 +126,15 @@ def _refuse_contradictions(settings: Any) -> None:
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
                     "must be 0 with feedback_source = 'sensor'"
                 )
-    (hold,), (jitter,) = (
-        _ends(settings, "sensor_period", (settings.sensor_period,))[0],
-        _ends(settings, "jitter", (settings.jitter,))[1],
-    )
+    (hold,), (jitter,) = _ends(settings, "sensor_period")[0], _ends(settings, "jitter")[1]
     if hold and (jitter + settings.control_period) / hold > MOST_TICKS:
         raise ValueError(
             f"sensor_period = {hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
-    periods, durations = (
-        _ends(settings, f"pulse_{one}", (getattr(settings, f"pulse_{one}"),)) for one in ("period", "duration")
-    )
-    if periods[1][0] > 0.0 and periods[0][0] < durations[1][0]:
-        raise ValueError(
-            f"pulse_period = {periods[0][0]} s: must be 0, or at least pulse_duration = {durations[1][0]} s"
-        )
+    ((shortest,), (longest,)), (_, (duration,)) = (_ends(settings, f"pulse_{one}") for one in ("period", "duration"))
+    if longest > 0.0 and shortest < duration:
+        raise ValueError(f"pulse_period = {shortest} s: must be 0, or at least pulse_duration = {duration} s")
     if settings.compensation != "none" and not _late(settings):
         raise ValueError(
             f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; it must "
@@ -202,9 +195,13 @@ def refuse_moving_race(label: str, start: str) -> None:
         raise ValueError(f"{label} = {start!r}: a race begins at rest; must be 'corner' or 'corners'")
 
 
-def _ends(settings: Any, name: str, own: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Return the least and the largest values of an option in any episode, of which each number is drawn by itself."""
-    drawn = settings.randomisation.get(name)
+def _ends(settings: Any, name: str, given: tuple[float, ...] | None = None) -> tuple[tuple[float, ...], ...]:
+    """Return the least and the largest values of an option in any episode, of which each number is drawn by itself.
+
+    `given`: its value where it is not drawn, if that is not the option's own.
+    """
+    own, drawn = given or getattr(settings, name), settings.randomisation.get(name)
+    own = own if isinstance(own, tuple) else (own,)
     if drawn is None:
         return own, own
     return tuple(zip(*map(ends_of, drawn if len(own) > 1 else [drawn]), strict=True))
