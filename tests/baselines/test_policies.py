@@ -92,12 +92,12 @@ def flsac_gain(observation: Any, **options: Any) -> float:
 
 def test_the_fuzzy_gain_by_hand() -> None:
     # delta_1 = (0.2 * 0.75 - 0.2 * 0.25) / 0.2 = 0.5 and delta_2 = 0; times K_n = 5: (2.5, 0), which gives
-    # 37/84 (see test_fuzzy).
+    # 37/84 in fractions (as all of them: test_fuzzy).
     action, _ = FLSAC(**TWO_MODES).predict(OBSERVATION)
     assert action[0] == pytest.approx(2 * 37 / 84 - 1, abs=1e-7)
     assert flsac_gain(OBSERVATION, K_n=2.0) == pytest.approx(167 / 510, abs=1e-7)  # (1, 0)
     assert flsac_gain(OBSERVATION, K_s=2.0, gain_limit=2.0) == pytest.approx(37 / 42, abs=1e-7)
-    # Twice the width at rest: 49/108, see test_fuzzy. As width scale, K_s leaves the output as it is.
+    # Twice the width at rest: 49/108. As width scale, K_s leaves the output as it is.
     rest = [9.0, 0.5, 0.5, -1.0, -1.0, 9.0]
     assert flsac_gain(rest, K_s=2.0, scale="width") == pytest.approx(49 / 108, abs=1e-7)
     # Far out, the inputs end at the universe.

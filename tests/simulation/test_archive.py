@@ -75,6 +75,11 @@ def configured(path: Path, **changes: Any) -> Path:
     return policy_file(path, {"notes": {"config": CONFIG | changes}})
 
 
+def remembering(path: Path, lags: list[float], remembered: int = 0) -> Path:
+    """Write a policy's file of which the network sees one earlier reading, by its place."""
+    return policy_file(path, {"history": {"lags": lags, "remembered": [remembered]}})
+
+
 def deflated(path: Path) -> Path:
     """Write a file anew, compressed, with 32 MiB of zeros more, which take a thousandth."""
     with np.load(path) as file:
@@ -125,6 +130,13 @@ test_policies_of_strangers = refused(
     (lambda p: policy_file(p, log_std=np.full(2, 99.0, np.float32)), r"log_std = array\(\[99\., 99\."),
     (lambda p: policy_file(p, {"layers": 10**9}), "layers = 1000000000: must be an integer from 1 to 100"),
     (lambda p: policy_file(p, {"layers": 0.5}), r"layers = 0\.5: must be an integer"),
+    (lambda p: policy_file(p, {"history": "text"}), "not a saved policy"),
+    (lambda p: policy_file(p, {"history": {"lags": [1], "remembered": []}}), r"remembered = \(\): must have an entry"),
+    (lambda p: remembering(p, [1], 9), r"remembered = \(9,\): must be indices in an observation of"),
+    (lambda p: remembering(p, [3, 1]), r"lags = \(3, 1\): must increase"),
+    (lambda p: remembering(p, [1.5]), r"lags\[0\] = 1\.5: must be an integer"),
+    (lambda p: remembering(p, [10**9]), r"lags\[0\] = 1000000000: must be an integer from 1 to 1000"),
+    (lambda p: remembering(p, [1, 2, 3]), "size = 0: must be an integer from 1"),
     (lambda p: policy_file(p, {"notes": None}), "notes = None: must be a mapping"),
     (lambda p: policy_file(p, {"format": True}), "format True; this version reads 1"),
     (lambda p: policy_file(p, {"activation": ["elu"]}), r"activation = \['elu'\]: must be one of 'elu'"),
