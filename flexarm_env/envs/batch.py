@@ -75,12 +75,9 @@ class BatchSimulator(LaneBatch):
     single_action: Any  # before Python 3.12, types do not know that an array goes into a memoryview
 
     def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
-        """Lay out the memory; kernels are compiled, or loaded from the cache, at the first start.
+        """Lay out the memory for so many environments, which have the same settings or each its own.
 
-        Args:
-            settings: settings of all environments, or a sequence with those of each.
-            count: number of environments.
-            threads: see `LaneBatch`.
+        Kernels are compiled, or loaded from the cache, at the first start.
 
         Raises:
             ValueError: if settings differ in what all environments of a batch share, or there are more environments

@@ -34,14 +34,9 @@ def drawing_of(settings: Settings, state: Array) -> Drawing:
 
 
 def centre_lines(arm: FlexibleArm, q: Array) -> tuple[Array, Array]:
-    """Return points of the bent links, from root to tip.
+    """Return points of the bent links, from root to tip [m]. Shape (n, 2) each.
 
-    Args:
-        arm: the arm.
-        q: joint angles and modal coordinates. Shape (2 + 2 m,).
-
-    Returns:
-        Points of link 1 and of link 2 [m]. Shape (n, 2) each.
+    `q`: joint angles and modal coordinates. Shape (2 + 2 m,).
     """
     first, second = (
         arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))

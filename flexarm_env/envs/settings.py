@@ -59,12 +59,7 @@ class Settings(Options):
 
     @classmethod
     def of(cls, options: Mapping[str, Any], owner: str = "Settings") -> Settings:
-        """Make settings from keyword arguments.
-
-        Args:
-            options: the arguments.
-            owner: name of the class that received them, for messages.
-        """
+        """Make settings from keyword arguments; `owner`: the class that received them, for messages."""
         options = present_names(options)
         known_names(owner, options, [one.name for one in fields(cls)])
         return cls(**options)

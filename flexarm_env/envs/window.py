@@ -52,12 +52,7 @@ class Window:
     """
 
     def __init__(self, pygame: Any, size: tuple[int, int], steps: bool = True) -> None:
-        """Open the window.
-
-        Args:
-            pygame: the module.
-            size: width and height [px].
-            steps: while it is paused, the right arrow shows one picture more.
+        """Open a window of a width and height [px]; `steps`: the right arrow shows one picture more while it is paused.
 
         Raises:
             NoDisplayError: there is no display.
