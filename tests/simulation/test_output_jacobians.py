@@ -19,9 +19,13 @@ from tests.support.lagrange import loaded_arm, random_state
 POSITION = 2.5
 
 
-@pytest.mark.parametrize(("modes", "kinematics"), [(2, "linear"), (3, "foreshortened")])
-def test_outputs_are_the_arms(modes: int, kinematics: str) -> None:
-    arm = FlexibleArm(loaded_arm(modes, kinematics=kinematics))
+@pytest.fixture(scope="module", params=[(2, "linear"), (3, "foreshortened")], ids=str)
+def arm(request: pytest.FixtureRequest) -> FlexibleArm:
+    modes, kinematics = request.param
+    return FlexibleArm(loaded_arm(modes, kinematics=kinematics))
+
+
+def test_outputs_are_the_arms(arm: FlexibleArm) -> None:
     states = np.array([random_state(arm.parameters, seed) for seed in range(6)]).reshape(2, 3, -1)
     q, n = states[..., : arm.size], arm.size
     found, _ = arm.output_jacobians(states, POSITION)
@@ -33,6 +37,16 @@ def test_outputs_are_the_arms(modes: int, kinematics: str) -> None:
     np.testing.assert_allclose(found.rigid_tip, arm.rigid_tip(q), **close)
     np.testing.assert_allclose(found.deflection, arm.tip_deflection(q), **close)
     np.testing.assert_allclose(found.deflection_rate, arm.tip_deflection(states[..., n:]), **close)
+
+
+def test_their_derivatives_are_limits_of_differences(arm: FlexibleArm) -> None:
+    state, h = random_state(arm.parameters, 3), 1e-6
+    _, found = arm.output_jacobians(state, POSITION)
+    for n, direction in enumerate(np.eye(len(state))):
+        ends, _ = arm.output_jacobians(state + h * direction * np.array([[1.0], [-1.0]]), POSITION)
+        for name, values in ends._asdict().items():
+            expected = (values[0] - values[1]) / (2.0 * h)
+            np.testing.assert_allclose(getattr(found, name)[:, n], expected, rtol=1e-7, atol=1e-7, err_msg=name)
 
 
 @pytest.mark.parametrize("kinematics", ["linear", "foreshortened"])
