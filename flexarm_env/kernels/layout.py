@@ -134,6 +134,7 @@ class Row(Names):
         lambda s: len(ARM_QUANTITIES) * s.constants,
         _TANGENTS,
     )
+    TOTAL = Entry("weighted sum of the rates of Y and P", "as of V and FORCE", lambda s: 2 * s.size, _TANGENTS)
     STAGES = Entry("Y and V at a step's stages", STATE_UNIT, lambda s: len(RK4_NODES) * 2 * s.size, _TANGENTS)
     SLOPES = Entry(
         "derivatives of the stages (`slope_sizes`)",

@@ -71,6 +71,16 @@ def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any,
 
 
 @recorded_kernel
+def first_rates_kernel(r: Recorder, arena: Arena) -> None:
+    """Begin TOTAL, the sum of a step's rates, with those of its start.
+
+    By itself it rounds a force and a torque once, as the plans and filters of the published board have it; within
+    `stages_kernel`, which needs the torque's part again, they are rounded twice, as in `step_kernel`.
+    """
+    r.write("TOTAL", [*r.read("V"), *driven(r.constants(), r.read("FORCE"), r.read("TAU"))])
+
+
+@recorded_kernel
 def stages_kernel(r: Recorder, arena: Arena, stages: LaneRows, h: float) -> None:
     """Take every lane over a step.
 
@@ -82,11 +92,12 @@ def stages_kernel(r: Recorder, arena: Arena, stages: LaneRows, h: float) -> None
     """
     k, y, p = r.constants(), r.read("Y"), r.read("P")
     stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
+    begun = "TOTAL" in r.variant.rows
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
         v = slopes[: len(y)]
         r.store("stages", [*stage_y, *v], number * 2 * len(y))
         rates = [*v, *driven(k, slopes[len(y) :], r.read("TAU"))]
-        total = plus_scaled(total, weight, rates)
+        total = r.read("TOTAL") if begun and number == 0 else plus_scaled(total, weight, rates)
         if next_node is not None:
             stage_y, stage_p = (plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :])))
             slopes = slopes_at(r, stage_y, stage_p)
@@ -178,6 +189,7 @@ def find_slopes(arena: Arena, h: float) -> None:
     """Take every lane over a step, and compute the slopes of its stages."""
     size = 2 * variant.size
     stages: LaneRows = arena[row.STAGES : row.STAGES + RK4_STAGES * size]
+    first_rates_kernel(arena)
     stages_kernel(arena, stages, h)
     for number in range(RK4_STAGES):
         stage: LaneRows = stages[number * size : number * size + size]
