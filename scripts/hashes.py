@@ -1,4 +1,4 @@
-"""Hashes of what environments, the paper's runs, policies and trainings compute, for changes that must move no bit.
+"""Hashes of what environments, models, the paper's runs, policies and trainings compute: a change must move no bit.
 
 `python -m scripts.hashes` computes them anew and compares them with scripts/hashes.json; it names what differs and ends
 with status 1. `--write` replaces the recorded ones, after a change that must move figures. The hashes hold on the
@@ -23,6 +23,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flexarm_agents import evaluate, load_policy, shipped_policies
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.actions import MODES
 from flexarm_env.envs.registration import IDS, NAMESPACE
 from scripts.common.command_line import read_options, run
@@ -33,7 +34,7 @@ SEED = 20_261_124
 DRAWN_SETS = 50
 FILE = Path(__file__).with_suffix(".json")
 Runs = Iterator[tuple[str, Callable[[], str]]]  # names, and what computes the hash
-Part = Literal["ids", "modes", "options", "paper", "policies", "training"]
+Part = Literal["ids", "modes", "options", "models", "paper", "policies", "training"]
 SHORT = ("--steps", "6144", "--envs", "8", "--hidden", "16", "--checkpoint-every", "2048")  # of a training
 BATCHES = {"ppo": 64, "recurrent_ppo": 64, "sac": 32, "tqc": 32}  # by the algorithm
 CLOCKED = tuple(name for name, mode in MODES.items() if not mode.races)
@@ -156,6 +157,30 @@ def options() -> Runs:
         yield f"{json.dumps(drawn)} {num_envs}", partial(episode, "Square-v0", num_envs, drawn)
 
 
+def models() -> Runs:
+    """Discrete models of two arms with their derivatives, as plans and filters use them: of one arm, and of a batch."""
+    for arm in ("default", "linear"):
+        for count in (1, 200):
+            yield f"{arm} {count}", partial(model, FlexibleArm(ArmParameters.named(arm)), count)
+
+
+def model(arm: FlexibleArm, count: int) -> str:
+    """Hash steps, their derivatives, outputs and rollouts of an arm with other payloads and stiffnesses."""
+    rng = np.random.default_rng(SEED)
+    torque = 40.0 * rng.normal(size=(count, 20, 2))
+    quantities: dict[str, Any] = {
+        "payload_mass": rng.uniform(0.0, 1.0, count),
+        "stiffness": rng.uniform(0.8, 1.2, count),
+    }
+    state = 0.1 * rng.normal(size=(count, 2 * arm.size))
+    found: list[Any] = [arm.rollout(state, torque, **quantities), arm.output_jacobians(state)]
+    for period in (0.01, 0.004):
+        given = state, torque[:, 0]
+        found += [arm.step(*given, period, **quantities), arm.step_jacobians(*given, period, **quantities)]
+        found += [arm.step_gradients(*given, np.ones_like(state), period, **quantities)]
+    return hashed(*found)
+
+
 def paper() -> Runs:
     """All data files of the paper's twelve runs, without sweeps and pictures."""
     yield "files", paper_files
@@ -229,7 +254,7 @@ def resumed(algorithm: str, batch: int) -> str:
 class Options:
     """Compare hashes of results with the recorded ones."""
 
-    parts: tuple[Part, ...] = ("ids", "modes", "options", "paper", "policies", "training")
+    parts: tuple[Part, ...] = ("ids", "modes", "options", "models", "paper", "policies", "training")
     """What is computed."""
     write: bool = False
     """Record the hashes instead of comparing them."""
