@@ -27,7 +27,7 @@ def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
     """Write the tracebacks of failed jobs to `failures.log` in a folder; without failed jobs that file is removed.
 
     Raises:
-        OSError: if a job failed; near the end it says what follows from that, the `rest`.
+        OSError: if a job failed; the message has `rest`, what follows for the others.
     """
     log = folder / LOG
     if not failed:

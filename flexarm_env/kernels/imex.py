@@ -37,10 +37,12 @@ def law_kernel(r: Recorder, arena: Arena, h: float, ahead: float, explicit: Four
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
     for slot in range(IMEX_STAGES):
-        explicit, implicit = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
+        explicit_part, implicit_part = (h * r.trace.number(name, slot) for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
-        y = [a + explicit * b for a, b in zip(y, v, strict=True)]
-        v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
+        y = [a + explicit_part * b for a, b in zip(y, v, strict=True)]
+        v_known = [
+            a + (explicit_part * b + implicit_part * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)
+        ]
     law = r.law()
     here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])

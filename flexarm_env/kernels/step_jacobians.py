@@ -92,7 +92,7 @@ def stages_kernel(r: Recorder, arena: Arena, stages: LaneRows, h: float) -> None
     """
     k, y, p = r.constants(), r.read("Y"), r.read("P")
     stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
-    begun = "TOTAL" in r.variant.rows
+    begun = "TOTAL" in r.variant.rows  # by `first_rates_kernel`; gradients go without
     for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
         v = slopes[: len(y)]
         r.store("stages", [*stage_y, *v], number * 2 * len(y))

@@ -195,7 +195,7 @@ class FeedbackTorque(HeldTorque):
 
 
 def step_each(arms: Sequence[FeedbackTorque], state: Array, torque: Array, period: float, step: float) -> Array:
-    """Return `HeldTorque.step` of arms that differ in numbers alone. Shape (arms, n, 4 + 4 m).
+    """Return `FeedbackTorque.step` of arms that differ in numbers alone. Shape (arms, n, 4 + 4 m).
 
     Args:
         arms: of one number of modes, kinematics and velocity forces; only the first one's longest step is checked.

@@ -126,7 +126,7 @@ def measured(name: str, path: str, episodes: int) -> dict[str, Any] | None:
     """Run an agent, by name or folder, or a controller on unknown arms along a path.
 
     Returns:
-        How many it loses, and its errors [m]; None for a controller on the chain, which takes hours.
+        How many it loses, and its errors [m]; None for a controller on the chain, where none is run.
     """
     agent = load_policy(name) if name in shipped_policies() or Path(name).is_dir() else None
     own = agent.options if agent else controller(name).options
